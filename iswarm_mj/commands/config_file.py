@@ -49,8 +49,9 @@ class ConfigFile:
     def read(cls, path: Path, command: str, given_flags: Collection[str]) -> "ConfigFile":
         """Read a file.
 
-        A table [grasp] in TOML is for `iswarm grasp` and `iswarm tip` alone, which then read nothing
-        else, and which other commands leave out: fit.toml has one beside settings of swarms.
+        A table [grasp] in TOML is for `iswarm grasp` and `iswarm tip`, which then read nothing else,
+        and for the bench of `iswarm play`, as of a file of `--fits`. Other commands leave it out:
+        fit.toml has one beside settings of swarms.
 
         Args:
             path: path of the file, JSON if its name ends in .json, otherwise TOML.
@@ -73,6 +74,8 @@ class ConfigFile:
         if command in ("grasp", "tip") and of_grasp:
             return cls(path, of_grasp, False)
         others = {name: value for name, value in values.items() if not name.startswith(_OF_GRASP)}
+        if command == "play" and of_grasp and "fits" not in others:
+            others["fits"] = [str(path)]
         return cls(path, others, False)
 
     def by_canonical_names(self, parts: Parts) -> "ConfigFile":

@@ -9,10 +9,13 @@ from tempfile import TemporaryDirectory
 from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.command_settings import refuse_changed
+from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.progress import waiting
 from iswarm_mj.utils.signals import saved
+from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,7 @@ class Play(WithTask):
         "engine",
         "port",
         "changes",
+        "fits",
         "out",
     )
 
@@ -40,6 +44,9 @@ class Play(WithTask):
     changes: tuple[str, ...] = ()
     """Changes after a number of control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT,
     STEP:revive=ROBOT or STEP:ball=X,Y [rd]."""
+    fits: tuple[Path, ...] = ()
+    """Files with settings of the gripper's bench, such as the fit.toml of `iswarm fit`; the tab
+    Gripper begins with the first one. By default that of `--config`, if it has a table [grasp]."""
     out: Path = Path("runs/play")
     """Directory for recordings that are made on the page."""
 
@@ -55,12 +62,33 @@ class Play(WithTask):
         with waiting("placing the robots"):
             return Session(scenario, [Change.parse(text) for text in self.changes], self.out)
 
+    def calibrations(self) -> dict[str, Any]:
+        """Return settings of the bench, `BenchSettings`, by the names of their files.
+
+        Those of the paper come last.
+
+        Raises:
+            UserError: a file cannot be read, or has what the page cannot show.
+        """
+        from iswarm_mj.player.bench import CALIBRATIONS
+        from iswarm_mj.player.bench_settings import BenchSettings
+
+        of_files = {}
+        for path in self.fits:
+            settings = read_grasp(path)
+            try:
+                of_files[str(path)] = BenchSettings.of(settings)
+            except UserError as error:
+                raise UserError(f"--fits {path}: {error}") from None
+        return of_files | CALIBRATIONS
+
     def run(self) -> None:
         """Run the command."""
+        calibrations = self.calibrations()
         session = self.session()
         from iswarm_mj.player.page import Page
 
-        page = Page(session, self.port)
+        page = Page(session, self.port, calibrations)
         session.is_playing = True
         print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)
         print("Whoever has this address can use the page.", flush=True)
@@ -69,6 +97,20 @@ class Play(WithTask):
                 file = files.enter_context(redirect_file(page.url))
                 webbrowser.open(file.as_uri())
             page.wait()
+
+
+def read_grasp(path: Path) -> GraspSettings:
+    """Return the settings of `iswarm grasp` in a file, by the rules of its `--config`.
+
+    Raises:
+        UserError: it cannot be read, or has other settings.
+    """
+    from iswarm_mj.commands.parser import parse
+
+    try:
+        return parse("grasp", Grasp, ["--config", str(path)])
+    except UserError as error:
+        raise UserError(str(error).replace("--config", "--fits")) from None
 
 
 @contextmanager

@@ -4,7 +4,7 @@ import io
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from functools import partial
 from typing import Any
@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.output import shapes
+from iswarm_mj.player.bench import CALIBRATIONS
+from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.guard import Guard
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import PageScenario
@@ -93,12 +95,18 @@ class Page:
         url: address of the page; whoever knows it can use the page, on this machine alone.
     """
 
-    def __init__(self, session: Session, port: int = PORT):
+    def __init__(
+        self,
+        session: Session,
+        port: int = PORT,
+        calibrations: Mapping[str, BenchSettings] = CALIBRATIONS,
+    ):
         """Open the page.
 
         Args:
             session: session that is shown.
             port: first port that is tried.
+            calibrations: settings of the bench that can be chosen, by their names.
 
         Raises:
             UserError: see `open_server`.
@@ -116,7 +124,7 @@ class Page:
         server.gui.main_panel.set_width(380)
         light(server.scene)
         aim(server.initial_camera, session.scene)
-        self._panel = Panel(server, session)
+        self._panel = Panel(server, session, calibrations)
         self._panel.rebuild()
         server.scene.on_click()(self._clicked)
         server.on_client_connect(self._connected)

@@ -1,6 +1,7 @@
 """The panel beside the swarm: buttons, controls of settings, plots, and the memory of a robot."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ from iswarm_mj.output.palette import BLUE
 from iswarm_mj.output.shapes import MILLIMETRES
 from iswarm_mj.player import scene
 from iswarm_mj.player.bench import Bench
+from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
@@ -81,12 +83,18 @@ class Panel:
         click: effect of a click on the arena, one of `CLICK_EFFECTS`.
     """
 
-    def __init__(self, server: Any, session: Session):
+    def __init__(
+        self,
+        server: Any,
+        session: Session,
+        calibrations: Mapping[str, BenchSettings],
+    ):
         """Draw the swarm, and make the controls.
 
         Args:
             server: viser server of the page.
             session: session on which the controls act.
+            calibrations: settings of the bench that can be chosen, by their names.
         """
         gui = server.gui
         self._gui = gui
@@ -117,7 +125,7 @@ class Panel:
             self._robot = gui.add_markdown(hint)
         with tabs.add_tab("Gripper"):
             size = session.scene.arena_size * MILLIMETRES * _BENCH_SIZE
-            self.bench = Bench(server, self._inputs, size)
+            self.bench = Bench(server, self._inputs, size, calibrations)
         with tabs.add_tab("Share"):
             self._add_share_tab()
 

@@ -126,7 +126,7 @@ def settings_text(fitted: Fit, source: str) -> str:
     """Return fit.toml: tables for the bench and for swarms, with what is not determined."""
     lines = [
         f"# From iswarm fit {source}.",
-        "# `iswarm grasp --config` reads [grasp]; commands on swarms read [gripper].",
+        "# `iswarm grasp --config` reads [grasp]; commands on swarms read [gripper]; iswarm play both.",
         "",
         "[grasp]",
         *_assignments(fitted, grasp_settings(fitted)),

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.page import bench, wait
+from support.page import Browser, bench, opened, wait
 
+from iswarm_mj.commands.main import parse
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
@@ -252,3 +253,83 @@ def test_materials_that_contradict_each_other_leave_the_controls_as_they_were(
     wait(lambda: "refused" in browser.notifications)
     assert browser.value("tool_material") == "aluminium"
     assert bench(page).settings.tool_material == "aluminium"
+
+
+class TestFits:
+    """Settings of the bench from files, which the page offers by their names."""
+
+    FIT = """[grasp]
+work_tool_object = 0.0033
+electrical_gap = 3e-07
+contacts.oxide = 5e-08
+[gripper]
+work_tool_object = 0.0033
+"""
+
+    @pytest.fixture
+    def fit(self, tmp_path):
+        """Path of a fit.toml."""
+        path = tmp_path / "fit.toml"
+        path.write_text(self.FIT)
+        return path
+
+    def test_the_bench_begins_with_the_fit_of_the_configuration(self, fit):
+        command = parse(["play", "--config", str(fit)])
+        calibrations = command.calibrations()
+        assert [*calibrations] == [str(fit), "the paper's balls"]
+        settings = calibrations[str(fit)]
+        assert settings.work_tool_object == 3.3
+        assert settings.trial.contact_gap == 3e-7
+        assert settings.trial.contacts.breaks_at == pytest.approx(50.0)
+        assert command.config.gripper.work_tool_object == 0.0033
+
+    def test_files_of_the_flag_take_the_place_of_it(self, fit, tmp_path):
+        second = tmp_path / "second.toml"
+        second.write_text("radius = [2e-5]\n")
+        command = parse(["play", "--config", str(fit), "--fits", str(second)])
+        assert [*command.calibrations()] == [str(second), "the paper's balls"]
+        assert command.config.gripper.work_tool_object == 0.0033
+
+    def test_a_configuration_without_a_bench_has_no_fit(self, tmp_path):
+        path = tmp_path / "run.toml"
+        path.write_text("seed = 4\n")
+        assert parse(["play", "--config", str(path)]).fits == ()
+
+    @pytest.mark.parametrize(
+        ("content", "sentence"),
+        [
+            ("work_tool_object = 5.0", "work_tool_object must be between 0.01 and 1000 mJ/m²"),
+            ("work_tool_object = -5.0", "work-tool-object must be between 1e-06 and 10 J/m"),
+            ("ball_material = '0.4'", "ball_material must be one of solder"),
+            ("work_tool = 5.0", "which iswarm grasp does not know"),
+            ("[", "is no TOML"),
+            (None, "cannot be read"),
+        ],
+    )
+    def test_a_bad_file_is_refused(self, tmp_path, content, sentence):
+        path = tmp_path / "bad.toml"
+        if content is not None:
+            path.write_text(content)
+        command = parse(["play", "--fits", str(path)])
+        with pytest.raises(UserError) as raised:
+            command.calibrations()
+        assert sentence in str(raised.value)
+        assert "--config" not in str(raised.value)
+
+    def test_the_page_changes_between_them_and_opens_no_other_file(self, fit, tmp_path):
+        calibrations = parse(["play", "--fits", str(fit)]).calibrations()
+        secret = tmp_path / "other.toml"
+        secret.write_text("[grasp]\nwork_tool_object = 0.009\n")
+        with opened(port=8320, calibrations=calibrations) as page:
+            browser = Browser(page)
+            assert browser.value("work_tool_object") == 3.3
+            browser.set("calibration", str(secret))
+            wait(lambda: browser.notifications)
+            assert "calibration must be" in browser.notifications[0]
+            assert browser.value("work_tool_object") == 3.3
+
+            browser.set("calibration", "the paper's balls")
+            assert browser.value("work_tool_object") == 1.41
+            assert bench(page).settings == BenchSettings()
+            browser.set("calibration", str(fit))
+            assert bench(page).settings == calibrations[str(fit)]

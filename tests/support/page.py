@@ -13,6 +13,7 @@ from viser._messages import GuiUpdateMessage
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.player.bench import CALIBRATIONS
 from iswarm_mj.player.page import Page
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -50,15 +51,16 @@ def wait_for(session, holds):
 
 
 @contextmanager
-def opened(scenario=SCENARIO, *, port, **settings):
+def opened(scenario=SCENARIO, *, port, calibrations=CALIBRATIONS, **settings):
     """Open the page of a scenario, and close it after the block.
 
     Args:
         scenario: scenario of the page.
         port: first port that is tried.
+        calibrations: settings of the bench that can be chosen, by their names.
         settings: further arguments of its `Session`, such as the directory `out` of recordings.
     """
-    page = Page(Session(PageScenario.of(scenario), **settings), port)
+    page = Page(Session(PageScenario.of(scenario), **settings), port, calibrations)
     try:
         yield page
     finally:
