@@ -16,6 +16,7 @@ from matplotlib.lines import Line2D
 from iswarm_mj.output.palette import BLUE, DARK, GREEN, ORANGE, PURPLE, YELLOW
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.plot_trials import Rows, column_array
+from iswarm_mj.output.trial_laws import described_parameters
 from iswarm_mj.output.trial_shapes import NN, UM
 
 _NM = 1e9
@@ -110,7 +111,7 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
             between tool and ball [m], the direction ("approach" or "retract"), and the total force
             [N], which is negative if it attracts. They are at the medians of the works of adhesion,
             as the caption says.
-        settings: settings of the run; `relative_humidity` [%] goes into the caption if it is a
+        settings: settings of the run, which the caption states; `relative_humidity` [%] if it is a
             number.
         out: directory of force_curve.png and .svg.
     """
@@ -181,7 +182,8 @@ def _caption(settings: Mapping[str, Any]) -> str:
         f"One curve for each voltage and radius{condition}, works of adhesion at their medians; "
         "retract is thicker.\n"
         "Force on the tool as in an AFM: attraction is negative. "
-        "Circle: last before touch; triangle: pull-off."
+        "Circle: last before touch; triangle: pull-off.\n"
+        f"{described_parameters(settings)}"
     )
 
 

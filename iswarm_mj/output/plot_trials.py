@@ -1,29 +1,28 @@
 """Figures of the gripper's experiments: voltages that pick up balls and release them.
 
-They follow the paper's Figs. 8, 9 and 11. Bands are the paper's; dashed lines follow from the force
-laws without dynamics, at the medians of the works of adhesion.
+They follow the paper's Figs. 8, 9 and 11. Bands are the paper's, in runs with its materials and tip;
+dashed lines follow from the force laws without dynamics, at the medians of the works of adhesion.
 """
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from iswarm_mj.gripper.laws import detachment
-from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.gripper.reference import (
     PAPER_GRASP,
     PAPER_HUMIDITY,
     PAPER_NO_CONTACT,
     PAPER_RELEASE,
 )
-from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
+from iswarm_mj.output.trial_laws import Laws, described_parameters
 from iswarm_mj.output.trial_shapes import UM
 from iswarm_mj.utils.arrays import Quantity
 
@@ -33,6 +32,9 @@ Rows = Sequence[Mapping[str, Any]]
 COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 _MARKERS = ("o", "s", "^", "D")
 _SIZE = (5.2, 4.2)
+_LAW_LABEL = "force laws, no dynamics"
+_PAPER_HUMIDITIES = (PAPER_HUMIDITY - 3.0, PAPER_HUMIDITY + 3.0)
+"""Humidities of the paper's bands of voltages, by the accuracy of its chamber [%]."""
 _MS = 1e3
 """Milliseconds per second."""
 _MAX_VECTOR_POINTS = 2000
@@ -52,81 +54,14 @@ _FITTED = {
 """Data to which the constants behind the figure of each experiment are fitted."""
 
 
-class Laws:
-    """Least voltages without dynamics, at the medians of the works of adhesion. SI units."""
-
-    def __init__(self, settings: Mapping[str, Any]):
-        """Take the constants from a run's settings.
-
-        Args:
-            settings: settings of a run; `calibration` has constants of `detachment` by name, which
-                replace those of the module, and `tip` is the file of a tip's table.
-        """
-        calibration = settings.get("calibration", {})
-
-        def constant(name: str) -> float:
-            return calibration.get(name, getattr(detachment, name))
-
-        # Works of adhesion [J/m^2].
-        self._work_tool = constant("WORK_TOOL_OBJECT")
-        self._work_plate = constant("WORK_OBJECT_SUBSTRATE")
-        self._contact_gap = constant("CONTACT_GAP")
-        self._probe_radius = constant("PROBE_RADIUS")
-        self._tip = settings.get("tip")
-
-    def grasp_voltage_of(self, radius: Quantity, humidity: float, gap: Quantity = 0.0) -> Quantity:
-        """Return the least voltage that picks up a ball [V].
-
-        Args:
-            radius: radius of the ball [m].
-            humidity: relative humidity [%].
-            gap: gap between tool and ball [m], across which the tool's adhesion does not help.
-        """
-        factor = humidity_factor(humidity)
-        is_touching = np.asarray(gap) <= 0
-        work_tool = np.where(is_touching, self._work_tool * factor, 0.0)
-        work_plate = self._work_plate * factor
-        effective_gap = np.maximum(gap, self._contact_gap)
-        if self._tip is not None:
-            tip = read_table(self._tip)
-
-            def voltage_of(radius: float, work_tool: float, gap: float) -> float:
-                work = work_tool * tip.adhesion_share(radius)
-                return tip.grasp_voltage(radius, work, float(work_plate), gap)
-
-            return np.vectorize(voltage_of)(radius, work_tool, effective_gap)
-        return grasp_voltage(radius, work_tool, work_plate, effective_gap, self._probe_radius)
-
-    def release_voltage_of(
-        self, radius: Quantity, humidity: float, gap: Quantity = RELEASE_GAP
-    ) -> Quantity:
-        """Return the least voltage that makes the tool drop a ball [V].
-
-        Args:
-            radius: radius of the ball [m].
-            humidity: relative humidity [%].
-            gap: gap between ball and plate [m].
-        """
-        work_tool = self._work_tool * humidity_factor(humidity)
-        if self._tip is not None:
-            tip = read_table(self._tip)
-            work = float(work_tool)
-
-            def voltage_of(radius: float, gap: float) -> float:
-                return tip.release_voltage(radius, work * tip.adhesion_share(radius), gap)
-
-            return np.vectorize(voltage_of)(radius, gap)
-        return release_voltage(radius, work_tool, gap, self._probe_radius)
-
-
 def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
     """Draw grasp voltages, release voltages and attempts without contact, as far as there are rows.
 
     Args:
         rows: rows of the table of trials, SI units. Faulty ones are left out, and the figure says
             how many.
-        settings: settings of the run; its `calibration` is behind the lines of the force laws, see
-            `Laws`.
+        settings: settings of the run, behind the lines of the force laws and in the captions, see
+            `Laws` and `described_parameters`.
         out: directory of the PNG and SVG files.
     """
     laws = Laws(settings)
@@ -146,9 +81,17 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
 
     for name, rows_to_draw in rows_of_figure.items():
         if rows_to_draw:
-            _draw_voltages(out / name, rows_to_draw, laws)
+            origin = _origin(rows_to_draw[0]["experiment"], settings, laws)
+            _draw_voltages(out / name, rows_to_draw, laws, origin)
     if attempts:
-        _draw_attempts(out / "no_contact", attempts, laws)
+        _draw_attempts(out / "no_contact", attempts, laws, _origin("no_contact", settings, laws))
+
+
+def _origin(experiment: str, settings: Mapping[str, Any], laws: Laws) -> str:
+    """Return the beginning of a caption: to which data the run is fitted, or its parameters."""
+    if laws.is_of_paper and not settings.get("beyond_the_fit"):
+        return _FITTED[experiment]
+    return described_parameters(settings)
 
 
 def _of_experiment(rows: Rows, experiment: str) -> Rows:
@@ -156,15 +99,17 @@ def _of_experiment(rows: Rows, experiment: str) -> Rows:
     return [row for row in rows if row["experiment"] == experiment]
 
 
-def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
+def _draw_voltages(path: Path, rows: Rows, laws: Laws, origin: str) -> None:
     """Draw the least voltages of grasps or of releases against the radius of the ball.
 
-    Each humidity has a colour.
+    Each humidity has a colour. Balls of one radius at several humidities are drawn against the
+    humidity instead.
 
     Args:
         path: path of the files, without suffix.
         rows: at least one row, all of one experiment and gap.
         laws: force laws for the lines.
+        origin: beginning of the caption.
     """
     experiment = rows[0]["experiment"]
     is_grasp = experiment == "grasp"
@@ -172,27 +117,58 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
     humidities = sorted({row["relative_humidity"] for row in rows})
     valid = _without_faulty(rows)
 
+    radii = sorted({row["radius"] for row in rows})
+    is_over_humidity = len(radii) == 1 and len(humidities) > 1
+    has_band = PAPER_HUMIDITY in humidities and laws.is_of_paper
+
     with figure(path, size=_SIZE) as (axes,):
-        if PAPER_HUMIDITY in humidities:
-            _draw_paper_band(axes, experiment, rows[0]["gap"])
-        for number, humidity in enumerate(humidities):
-            rows_at_humidity = [row for row in valid if row["relative_humidity"] == humidity]
-            if rows_at_humidity:
-                colour = COLOURS[number % len(COLOURS)]
-                marker = _MARKERS[number % len(_MARKERS)]
-                _draw_humidity(axes, rows_at_humidity, law, colour, marker)
-        axes.set(xlabel="radius of the ball [µm]", ylabel=f"{experiment} voltage [V]")
+        if is_over_humidity:
+            if has_band:
+                _draw_paper_band(axes, experiment, rows[0]["gap"], _PAPER_HUMIDITIES)
+            _draw_over_humidity(axes, valid, law)
+            axes.set_xlabel("relative humidity [%]")
+        else:
+            if has_band:
+                _draw_paper_band(axes, experiment, rows[0]["gap"])
+            for number, humidity in enumerate(humidities):
+                rows_at_humidity = [row for row in valid if row["relative_humidity"] == humidity]
+                if rows_at_humidity:
+                    colour = COLOURS[number % len(COLOURS)]
+                    marker = _MARKERS[number % len(_MARKERS)]
+                    _draw_over_radius(axes, rows_at_humidity, law, colour, marker)
+            axes.set_xlabel("radius of the ball [µm]")
+            if len(radii) == 1:
+                middle = radii[0] * UM
+                axes.set(xlim=(middle - 1, middle + 1), xticks=[middle])
+        axes.set_ylabel(f"{experiment} voltage [V]")
 
         # Room above and below, but no negative voltages.
         low, high = axes.get_ylim()
         margin = 0.15 * (high - low)
         axes.set_ylim(max(0.0, low - margin), high + margin)
 
-        _finish(axes, _title(rows, humidities), rows, _caption(rows, humidities))
+        caption = _caption(rows, humidities, origin)
+        title = _title(rows, humidities)
+        if is_over_humidity:
+            title += f", radius {radii[0] * UM:g} µm"
+        _finish(axes, title, rows, caption)
 
 
-def _draw_paper_band(axes: Axes, experiment: str, gap: float) -> None:
-    """Draw the paper's band of voltages, if it measured the experiment at this gap [m]."""
+def _draw_paper_band(
+    axes: Axes,
+    experiment: str,
+    gap: float,
+    humidities: tuple[float, float] | None = None,
+) -> None:
+    """Draw the paper's band of voltages, if it measured the experiment at this gap.
+
+    Args:
+        axes: axes to draw on.
+        experiment: "grasp" or "release".
+        gap: gap of the release [m].
+        humidities: range of humidities over which the band goes [%]; the whole width of the axes
+            by default.
+    """
     if experiment == "grasp":
         low, high = PAPER_GRASP
     elif gap == RELEASE_GAP:
@@ -200,7 +176,11 @@ def _draw_paper_band(axes: Axes, experiment: str, gap: float) -> None:
     else:
         return
     label = f"paper, {PAPER_HUMIDITY:g} % RH: {low:g} to {high:g} V"
-    axes.axhspan(low, high, color="0.5", alpha=0.18, lw=0, label=label)
+    style: Any = {"color": "0.5", "alpha": 0.18, "lw": 0, "label": label}
+    if humidities is None:
+        axes.axhspan(low, high, **style)
+    else:
+        axes.fill_between(humidities, low, high, **style)
 
 
 def _title(rows: Rows, humidities: Sequence[float]) -> str:
@@ -213,16 +193,16 @@ def _title(rows: Rows, humidities: Sequence[float]) -> str:
     return title
 
 
-def _caption(rows: Rows, humidities: Sequence[float]) -> str:
-    """Return the caption of a figure of voltages: what is fitted, and the number of trials."""
+def _caption(rows: Rows, humidities: Sequence[float], origin: str) -> str:
+    """Return the caption of a figure of voltages: its beginning, and the number of trials."""
     experiment = rows[0]["experiment"]
-    caption = _FITTED[experiment]
+    caption = origin
     if len(humidities) > 1:
         caption += "\nHumidity: the empirical factor on both works."
 
     n_trials = Counter((row["radius"], row["relative_humidity"]) for row in _without_faulty(rows))
     n_radii = len({radius for radius, _ in n_trials})
-    if n_radii > 1:
+    if n_radii > 1 and origin in _FITTED.values():
         caption += " Not fitted: that the radius does not matter."
     fewest = min(n_trials.values(), default=0)
     most = max(n_trials.values(), default=0)
@@ -233,7 +213,7 @@ def _caption(rows: Rows, humidities: Sequence[float]) -> str:
     return caption
 
 
-def _draw_humidity(
+def _draw_over_radius(
     axes: Axes, rows: Rows, law: Callable[..., Quantity], colour: str, marker: str
 ) -> None:
     """Draw the trials at one humidity, their means where all have a voltage, and the law.
@@ -247,8 +227,8 @@ def _draw_humidity(
     """
     humidity = rows[0]["relative_humidity"]
     gap = rows[0]["gap"]
-    _draw_each_trial(axes, rows, colour, marker)
-    _draw_means(axes, rows, f"{humidity:g} % RH, mean", colour, marker)
+    _draw_each_trial(axes, rows, "radius", UM, colour, marker)
+    _draw_means(axes, rows, "radius", UM, f"{humidity:g} % RH, mean", colour, marker)
 
     # The law.
     radii = sorted({row["radius"] for row in rows})
@@ -256,66 +236,83 @@ def _draw_humidity(
     if len(radii) > 1:
         law_radii = np.linspace(radii[0], radii[-1], 61)
     law_voltages = law(law_radii, humidity, gap)
-    label = "force laws, no dynamics"
-    axes.plot(law_radii * UM, law_voltages, "--", color=colour, lw=1, label=label)
+    axes.plot(law_radii * UM, law_voltages, "--", color=colour, lw=1, label=_LAW_LABEL)
 
 
-def _draw_each_trial(axes: Axes, rows: Rows, colour: str, marker: str) -> None:
-    """Draw a point for each trial; arrows where no voltage did, crosses where the ball melted."""
+def _draw_over_humidity(axes: Axes, rows: Rows, law: Callable[..., Quantity]) -> None:
+    """Draw the trials of one radius at their own humidities, their means, and the law.
+
+    Args:
+        axes: axes to draw on.
+        rows: rows of one radius and gap.
+        law: law of the experiment, a method of `Laws`.
+    """
+    if not rows:
+        return
+    colour = COLOURS[0]
+    marker = _MARKERS[0]
+    _draw_each_trial(axes, rows, "trial_humidity", 1.0, colour, marker)
+    _draw_means(axes, rows, "relative_humidity", 1.0, "mean", colour, marker)
+
+    trial_humidities = column_array(rows, "trial_humidity")
+    humidities = np.linspace(trial_humidities.min(), trial_humidities.max(), 61)
+    law_voltages = law(rows[0]["radius"], humidities, rows[0]["gap"])
+    axes.plot(humidities, law_voltages, "--", color=colour, lw=1, label=_LAW_LABEL)
+
+
+def _draw_each_trial(
+    axes: Axes, rows: Rows, x: str, scale: float, colour: str, marker: str
+) -> None:
+    """Draw a point for each trial; arrows where no voltage did, crosses where the ball melted.
+
+    Args:
+        axes: axes to draw on.
+        rows: rows of the table of trials.
+        x: column along the abscissa.
+        scale: factor of that column.
+        colour: colour of points and arrows.
+        marker: marker of the points.
+    """
     with_voltage, without_voltage = _split_by_voltage(rows)
     melted = [row for row in with_voltage if row["melted"]]
-    _draw_points(
-        axes,
-        with_voltage,
-        x="radius",
-        y="voltage",
-        marker=marker,
-        mec=colour,
-        alpha=0.6,
-        ms=4,
-        label="each trial",
-    )
-    _draw_points(
-        axes,
-        without_voltage,
-        x="radius",
-        y="limit_voltage",
-        marker="$↑$",
-        mec=colour,
-        ms=8,
-        label="not up to this voltage",
-    )
-    _draw_points(axes, melted, x="radius", y="voltage", marker="x", mec=RED, ms=7, label="melted")
+    own_style = {"marker": marker, "mec": colour, "alpha": 0.6, "ms": 4, "label": "each trial"}
+    _draw_points(axes, with_voltage, x, "voltage", scale, **own_style)
+    limit_style = {"marker": "$↑$", "mec": colour, "ms": 8, "label": "not up to this voltage"}
+    _draw_points(axes, without_voltage, x, "limit_voltage", scale, **limit_style)
+    _draw_points(axes, melted, x, "voltage", scale, marker="x", mec=RED, ms=7, label="melted")
 
 
-def _draw_means(axes: Axes, rows: Rows, label: str, colour: str, marker: str) -> None:
-    """Draw the mean voltage at each radius at which all trials have one."""
-    voltages_by_radius: dict[float, list[Any]] = {}
-    for row in sorted(rows, key=lambda row: row["radius"]):
-        voltages_by_radius.setdefault(row["radius"], []).append(row["voltage"])
+def _draw_means(
+    axes: Axes, rows: Rows, x: str, scale: float, label: str, colour: str, marker: str
+) -> None:
+    """Draw the mean voltage at each place on the abscissa at which all trials have one."""
+    voltages_by_place: dict[float, list[Any]] = {}
+    for row in sorted(rows, key=itemgetter(x)):
+        voltages_by_place.setdefault(row[x], []).append(row["voltage"])
     means = [
-        (radius * UM, np.mean(voltages))
-        for radius, voltages in voltages_by_radius.items()
+        (place * scale, np.mean(voltages))
+        for place, voltages in voltages_by_place.items()
         if None not in voltages
     ]
     if means:
-        x, y = zip(*means, strict=True)
-        axes.plot(x, y, "-" + marker, color=colour, ms=6, lw=1.3, label=label)
+        places, voltages = zip(*means, strict=True)
+        axes.plot(places, voltages, "-" + marker, color=colour, ms=6, lw=1.3, label=label)
 
 
-def _draw_points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
+def _draw_points(axes: Axes, rows: Rows, x: str, y: str, scale: float = UM, **style: Any) -> None:
     """Draw a hollow mark for each row, if there are any.
 
     Args:
         axes: axes to draw on.
         rows: rows of the table of trials.
-        x: column along the abscissa [m].
+        x: column along the abscissa.
         y: column along the ordinate.
+        scale: factor of the column along the abscissa.
         style: further arguments of `Axes.plot`.
     """
     if rows:
         axes.plot(
-            column_array(rows, x) * UM,
+            column_array(rows, x) * scale,
             column_array(rows, y),
             ls="none",
             mfc="none",
@@ -324,18 +321,22 @@ def _draw_points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
         )
 
 
-def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
+def _draw_attempts(path: Path, rows: Rows, laws: Laws, origin: str) -> None:
     """Draw attempts to pick up a ball across a gap: the voltage that did, or up to which none did.
 
     Args:
         path: path of the files, without suffix.
         rows: at least one row.
         laws: force laws for the lines, which are each the least over the radii.
+        origin: beginning of the caption.
     """
+    highest = max(column_array(rows, "limit_voltage"))
     lifted, left = _split_by_voltage(_without_faulty(rows))
     with figure(path, size=_SIZE) as (axes,):
-        label = f"paper: no lift below {PAPER_NO_CONTACT:g} V"
-        axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=label)
+        if laws.is_of_paper:
+            label = f"paper: no lift below {PAPER_NO_CONTACT:g} V"
+            axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=label)
+            highest = max(highest, PAPER_NO_CONTACT)
         _draw_points(
             axes,
             left,
@@ -356,8 +357,8 @@ def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
         )
         _draw_least_voltages(axes, rows, laws)
         axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
-        axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column_array(rows, "limit_voltage")))
-        _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
+        axes.set_ylim(0, 2 * highest)
+        _finish(axes, "Attempts without contact", rows, origin)
 
 
 def _draw_least_voltages(axes: Axes, rows: Rows, laws: Laws) -> None:

@@ -270,10 +270,14 @@ class GraspSettings:
             "tool": self.tool._asdict(),
             "plate": self.plate._asdict(),
         }
-        if self.tip_curvature:
-            content["tip_curvature"] = self.tip_curvature
+        for name in ("tip_curvature", "humidity_doubling", "humidity_fall"):
+            value = getattr(self, name)
+            if value != FITTED[name]:
+                content[name] = value
         if self.tip is not None:
             content["tip"] = str(self.tip)
+        if self.beyond_the_fit:
+            content["beyond_the_fit"] = self.beyond_the_fit
 
         calibration = {name: getattr(detachment, name) for name in CALIBRATION}
         for name in ("work_tool_object", "work_object_substrate", "ball_density"):

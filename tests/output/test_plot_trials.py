@@ -11,8 +11,12 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
+from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_trials import draw_figures
+from iswarm_mj.output.trial_laws import Laws
+from iswarm_mj.workflows.grasp import quasi_static_grasp, quasi_static_release
+from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 
 RADII = (15e-6, 20e-6, 25e-6)
 PAPER_GRASP_BAND = (20, 30)
@@ -32,6 +36,7 @@ def make_row(experiment="grasp", **changes):
         "experiment": experiment,
         "radius": 20e-6,
         "relative_humidity": 10.0,
+        "trial_humidity": 10.0,
         "gap": 0.0,
         "voltage": 25.0,
         "limit_voltage": 80.0,
@@ -116,6 +121,113 @@ class TestLaws:
         np.testing.assert_allclose(grasp, grasp_voltage(radius, 2e-3, gap=0.3e-6))
         _, release = laws["release_voltage"]
         np.testing.assert_allclose(release, release_voltage(radius, 2e-3))
+
+
+class TestOneRadius:
+    """Two trials of one radius at each of two humidities."""
+
+    ROWS = tuple(
+        make_row(relative_humidity=humidity, trial_humidity=humidity + offset, voltage=voltage)
+        for humidity, voltages in ((10.0, (24.0, 26.0)), (50.0, (30.0, 34.0)))
+        for offset, voltage in zip((-2.0, 1.0), voltages, strict=True)
+    )
+
+    @pytest.fixture
+    def axes(self, tmp_path, shown):
+        draw_figures(self.ROWS, {}, tmp_path)
+        (axes,) = shown["grasp_voltage_humidity"]
+        return axes
+
+    def test_is_drawn_against_the_humidity_of_each_trial(self, axes):
+        np.testing.assert_allclose(
+            line(axes, "each trial"), [(8, 24), (11, 26), (48, 30), (51, 34)]
+        )
+        np.testing.assert_allclose(line(axes, "mean"), [(10, 25), (50, 32)])
+        assert axes.get_xlabel() == "relative humidity [%]"
+        assert axes.get_title().endswith("radius 20 µm")
+
+    def test_has_the_law_of_humidity(self, axes):
+        humidity, voltage = line(axes, LAW).T
+        factor = humidity_factor(humidity)
+        works = factor * WORK_TOOL_OBJECT, factor * WORK_OBJECT_SUBSTRATE
+        np.testing.assert_allclose(voltage, grasp_voltage(20e-6, *works))
+        assert (humidity[0], humidity[-1]) == (8, 51)
+
+    def test_has_the_papers_band_at_its_humidity_alone(self, axes):
+        (band,) = axes.collections
+        (outline,) = band.get_paths()
+        low, high = outline.get_extents().get_points().T
+        assert tuple(low) == (7, 13)
+        assert tuple(high) == PAPER_GRASP_BAND
+
+    def test_at_one_humidity_the_axis_is_narrow(self, tmp_path, shown):
+        draw_figures(self.ROWS[:2], {}, tmp_path)
+        (axes,) = shown["grasp_voltage"]
+        assert axes.get_xlim() == (19, 21)
+        assert list(axes.get_xticks()) == [20]
+
+
+class TestOwnParameters:
+    """Runs of other materials, surfaces and tips than the paper's."""
+
+    @pytest.mark.parametrize(
+        "changes, text",
+        [
+            ({"ball_material": "gold"}, "density 19300 kg/m³"),
+            ({"tip_curvature": 30e-6}, "rounded by 30 µm"),
+            ({"tool": Surface(roughness=1e-9)}, "tool roughness 1e-09"),
+            ({"humidity_doubling": 35.0}, "humidity_doubling 35.0"),
+        ],
+    )
+    def test_captions_state_them_in_place_of_the_fit(self, tmp_path, shown, changes, text):
+        settings = GraspSettings(radius=("20e-6",), **changes)
+        rows = [make_row(), make_row("release"), make_row("no_contact")]
+        draw_figures(rows, settings.metadata(), tmp_path)
+        for (axes,) in shown.values():
+            assert text in caption(axes).replace("\n", " ")
+            assert "Fitted" not in caption(axes)
+            assert ("Beyond the fit" in caption(axes)) == bool(settings.beyond_the_fit)
+            assert bands(axes) == []
+
+    def test_radii_beyond_the_fit_are_named_beside_the_papers_band(self, tmp_path, shown):
+        settings = GraspSettings(radius=("12e-6", "20e-6"))
+        draw_figures(make_rows("grasp"), settings.metadata(), tmp_path)
+        (axes,) = shown["grasp_voltage"]
+        assert "radius 12 to 20 um, not 15 to 25" in caption(axes).replace("\n", " ")
+        assert bands(axes) == [PAPER_GRASP_BAND]
+
+    @pytest.mark.parametrize(
+        "changes",
+        [
+            {"ball_material": "gold", "probe_radius": 20e-6},
+            {"tip_curvature": 30e-6, "humidity_doubling": 35.0},
+            {"tool": Surface(roughness=1e-9), "plate": Surface(preload=5e-6)},
+            {"humidity_fall": 0.1, "electrical_gap": 0.4e-6},
+        ],
+    )
+    def test_laws_are_those_of_the_trials(self, changes):
+        """Spreads of 0 leave the medians of the works, as the laws take them."""
+        settings = GraspSettings(
+            radius=("15e-6", "25e-6"),
+            rh=(6.0, 45.0),
+            repeats=1,
+            rh_spread=0.0,
+            spread_tool_object=0.0,
+            spread_object_substrate=0.0,
+            **changes,
+        )
+        laws = Laws(settings.metadata())
+        for case in cases(settings):
+            trial = case.trial
+            place = trial.radius, case.humidity
+            factor = humidity_factor(case.humidity)
+            tool = trial.work_tool_object * factor
+            plate = trial.work_object_substrate * factor
+            expected = quasi_static_grasp(trial, tool, plate, trial.contact_gap)
+            assert laws.grasp_voltage_of(*place) == pytest.approx(expected)
+            assert laws.release_voltage_of(*place, 4e-6) == pytest.approx(
+                quasi_static_release(trial, tool, 4e-6)
+            )
 
 
 class TestHumiditiesAndGaps:

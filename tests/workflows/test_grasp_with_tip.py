@@ -3,11 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from support.cli import code_of, refused, result
 
 from iswarm_mj.gripper.tips.table import read_table
-from iswarm_mj.output.plot_trials import Laws
+from iswarm_mj.output.trial_laws import Laws
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -68,7 +69,7 @@ def test_force_curves_take_a_tip():
 def test_the_figures_lines_are_those_of_the_tip():
     laws = Laws({"tip": str(TIP)})
     assert laws.release_voltage_of(20e-6, 10.0) < 32 < Laws({}).release_voltage_of(20e-6, 10.0)
-    assert laws.grasp_voltage_of([15e-6, 20e-6], 10.0).shape == (2,)
+    assert laws.grasp_voltage_of(np.array([15e-6, 20e-6]), 10.0).shape == (2,)
 
 
 @pytest.mark.parametrize("name", ["tip_curvature", "probe_radius"])
