@@ -37,6 +37,10 @@ _EXPLANATION = (
     "The ball is orange with the potential of the plate, and green with that of the tool. "
     "The black dot shows how it turns. The plate is 150 µm wide."
 )
+_WITHOUT_CURVE = (
+    "There is no force curve of a rounded tip, whose forces at a distance are unknown; "
+    "`iswarm tip --table` computes them."
+)
 _NO_CURVE = (np.arange(2.0), np.full(2, np.nan), np.full(2, np.nan))
 _NO_ARROWS = np.zeros((len(FORCES), 2, 3), np.float32)
 _ON_PLATE = 1e-7
@@ -281,8 +285,9 @@ class Bench:
 
     def _draw_curve(self, settings: BenchSettings) -> None:
         """Draw the force curve, and state its pull-off force beside what the laws say."""
+        self._curve.visible = settings.has_curve
         if not settings.has_curve:
-            self._curve.data = _NO_CURVE
+            self._laws.content = f"{describe_laws(settings)}\n\n{_WITHOUT_CURVE}"
             return
         heights, approaching, retracting = settings.curve()
         self._curve.data = (heights, approaching, retracting)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
@@ -29,6 +29,26 @@ _HIDDEN = {"obstacles", "bench", "bench_capacity"}
 """Settings without a control: clicks put obstacles, and pages need no other bench."""
 
 
+class _PageUnit(NamedTuple):
+    """Unit of a quantity on the page."""
+
+    name: str
+    factor: float
+    """Value on the page over that in SI."""
+
+
+_UNITS = {
+    "m": _PageUnit("µm", 1e6),
+    "F": _PageUnit("µF", 1e6),
+    "J": _PageUnit("µJ", 1e6),
+    "W": _PageUnit("mW", 1e3),
+    "J/m^2": _PageUnit("mJ/m²", 1e3),
+}
+"""Units on the page of the configuration's quantities, by their units in SI."""
+_UNIT_OF_SETTING = {"tool_capacitance": _PageUnit("pF", 1e12)}
+"""Units of settings that are much smaller than others of their kind."""
+
+
 class Control(NamedTuple):
     """A setting as the page offers it."""
 
@@ -48,6 +68,8 @@ class Control(NamedTuple):
     """A change has its effect at once; other settings wait for a reset."""
     step: float = 0.0
     """Least difference of values on a slider; 0 for a 200th of the range."""
+    factor: float = 1.0
+    """Value on the page over that of the setting, see `in_page_units`."""
 
     @property
     def low(self) -> float:
@@ -95,6 +117,10 @@ class Control(NamedTuple):
         constraints.check(self.name, value, f"a whole number, {allowed}", is_allowed)
         return int(value)
 
+    def of_setting(self, value: Any) -> Any:
+        """Return the value of the setting for a value on the page."""
+        return value if self.factor == 1 else _rounded(value / self.factor)
+
     @property
     def label(self) -> str:
         """Name on the page, with its part where two parts have a field of one name."""
@@ -103,6 +129,35 @@ class Control(NamedTuple):
         name = f"{part} {field_name}" if is_shared else field_name
         name = name.replace("_", " ")
         return f"{name} [{self.unit}]" if self.unit else name
+
+
+def in_page_units(control: Control) -> Control:
+    """Return a control of the configuration in units in which its values are readable.
+
+    SI units would make a capacitance of 1 uF a box that shows 0.0000010. Settings of users' own
+    strategies and tasks keep their units.
+    """
+    field_name = control.name.rpartition(".")[2]
+    unit = _UNIT_OF_SETTING.get(field_name) or _UNITS.get(control.unit)
+    if control.limits is None or control.name not in CONFIG_NAMES or unit is None:
+        return control
+    limits = replace(
+        control.limits,
+        low=_rounded(control.low * unit.factor),
+        high=_rounded(control.high * unit.factor),
+        unit=unit.name,
+    )
+    return control._replace(
+        value=_rounded(control.value * unit.factor),
+        limits=limits,
+        text=control.text.replace(f"[{control.unit}]", f"[{unit.name}]"),
+        factor=unit.factor,
+    )
+
+
+def _rounded(value: float) -> float:
+    """Return a number to twelve digits, without what another unit left behind them."""
+    return float(f"{value:.12g}")
 
 
 def may_change_at_once(scenario: PageScenario, name: str) -> bool:

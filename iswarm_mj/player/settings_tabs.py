@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
-from iswarm_mj.player.controls import Control
+from iswarm_mj.player.controls import Control, in_page_units
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.widgets import show
@@ -57,7 +57,7 @@ class SettingsTabs:
 
     def rebuild(self) -> None:
         """Show an input for each present setting; folders whose settings stay are left alone."""
-        wanted = _grouped(self._session.controls())
+        wanted = self._grouped()
         for key, folder in [*self._folders.items()]:
             if _kinds(wanted.get(key, [])) != _kinds(folder.controls):
                 self._remove(key)
@@ -67,7 +67,7 @@ class SettingsTabs:
 
     def synchronise(self) -> None:
         """Show the values of the present settings."""
-        for key, controls in _grouped(self._session.controls()).items():
+        for key, controls in self._grouped().items():
             folder = self._folders.get(key)
             if folder is None:
                 continue
@@ -102,16 +102,16 @@ class SettingsTabs:
         """Let the session change a setting, of what runs or of what waits."""
         change = self._session.set if control.is_live else self._session.want
         tab = "rules" if control.is_live else "world"
-        self._session.post(lambda: change(control.name, value), control=f"{tab} {control.name}")
+        setting = control.of_setting(value)
+        self._session.post(lambda: change(control.name, setting), control=f"{tab} {control.name}")
 
-
-def _grouped(controls: list[Control]) -> dict[_FolderKey, list[Control]]:
-    """Return the controls of each folder."""
-    folders: dict[_FolderKey, list[Control]] = {}
-    for control in controls:
-        key = _FolderKey(control.is_live, control.group)
-        folders.setdefault(key, []).append(control)
-    return folders
+    def _grouped(self) -> dict[_FolderKey, list[Control]]:
+        """Return the controls of each folder, in the units of the page."""
+        folders: dict[_FolderKey, list[Control]] = {}
+        for control in self._session.controls():
+            key = _FolderKey(control.is_live, control.group)
+            folders.setdefault(key, []).append(in_page_units(control))
+        return folders
 
 
 def _kinds(controls: list[Control]) -> list[Control]:

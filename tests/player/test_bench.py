@@ -17,7 +17,7 @@ from iswarm_mj.gripper.laws.materials import MATERIALS
 from iswarm_mj.gripper.tips.shapes import cup, flat, ring, rounded
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
-from iswarm_mj.player.bench import outcome
+from iswarm_mj.player.bench import CALIBRATIONS, outcome
 from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.bench_tip import outlines, tip_mesh
 from iswarm_mj.player.panel import GRIPPER
@@ -253,6 +253,18 @@ def test_materials_that_contradict_each_other_leave_the_controls_as_they_were(
     wait(lambda: "refused" in browser.notifications)
     assert browser.value("tool_material") == "aluminium"
     assert bench(page).settings.tool_material == "aluminium"
+
+
+def test_the_page_says_why_a_rounded_tip_has_no_force_curve():
+    rounded_tip = BenchSettings(others=GraspSettings(tip_curvature=25e-6))
+    calibrations = {"rounded": rounded_tip, **CALIBRATIONS}
+    with opened(port=8320, calibrations=calibrations) as page:
+        browser = Browser(page)
+        browser.set("show", GRIPPER)
+        wait(lambda: "no force curve of a rounded tip" in browser.text)
+        browser.set("calibration", "the paper's balls")
+        wait(lambda: "in the curve, at 40 V" in browser.text)
+        assert "no force curve" not in browser.text
 
 
 class TestFits:

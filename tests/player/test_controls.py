@@ -7,7 +7,7 @@ from support.page import CONFIG
 
 from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.player.controls import Control, controls, may_change_at_once
+from iswarm_mj.player.controls import Control, controls, in_page_units, may_change_at_once
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
@@ -132,3 +132,33 @@ def test_a_whole_number_in_place_of_a_float_may_become_any_float():
     wall_range = by_name(scenario)["optics.wall_range"]
     assert isinstance(wall_range.value, float)
     assert wall_range.convert(2.5) == 2.5
+
+
+def test_small_quantities_have_readable_units():
+    """A value and its limits are those of the setting, which gets back exactly what it was."""
+    shown = {name: in_page_units(control) for name, control in by_name(SCENARIO).items()}
+    expected = {
+        "energy.capacitance": ("capacitance [µF]", 0.001, 1.0, 1000.0),
+        "energy.tool_capacitance": ("tool capacitance [pF]", 0.0, 10.0, 1e6),
+        "energy.light_power": ("light power [mW]", 0.0, 0.48, 1000.0),
+        "energy.message_energy": ("message energy [µJ]", 0.0, 80.0, 1000.0),
+        "gripper.work_tool_object": ("work tool object [mJ/m²]", 0.0, 1.41, 10_000.0),
+        "gripper.release_gap": ("release gap [µm]", 1.0, 5.0, 20.0),
+    }
+    for name, (label, low, value, high) in expected.items():
+        control = shown[name]
+        assert (control.label, control.low, control.value, control.high) == (
+            label,
+            low,
+            value,
+            high,
+        )
+    for name, control in by_name(SCENARIO).items():
+        assert shown[name].of_setting(shown[name].value) == control.value
+    assert shown["gripper.release_gap"].text.endswith("[µm].")
+    assert shown["optics.wall_range"].unit == "rd"
+
+
+def test_settings_of_others_keep_their_units():
+    length = Control("length", "", 2.0, limits=Within(0.0, 5.0, "m"))
+    assert in_page_units(length) == length

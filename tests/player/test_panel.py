@@ -96,6 +96,18 @@ def test_a_slider_that_is_moved_does_not_jump_back(still):
     assert page.session.now.genome.p_vector_forget == 0.625
 
 
+def test_inputs_take_and_show_values_in_the_units_of_the_page(still):
+    page, browser = still
+    browser.set("gripper.work_tool_object", 3.3)
+    work(page)
+    assert page.session.wanted.config.gripper.work_tool_object == 0.0033
+    assert browser.value("gripper.work_tool_object") == 3.3
+
+    browser.set("gripper.release_gap", 30.0)
+    work(page)
+    assert "release gap [µm] must be a number, between 1 and 20 µm" in browser.notifications[-1]
+
+
 def test_inputs_that_are_removed_are_removed_once(still):
     """viser would warn of another removal."""
     page, browser = still
