@@ -3,6 +3,7 @@
 import itertools
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.materials import MATERIALS
 from iswarm_mj.gripper.tips.shapes import cup, flat, ring, rounded
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
 from iswarm_mj.player.bench import CALIBRATIONS, outcome
@@ -28,6 +30,8 @@ CURVE = "Force on the tool; attraction is negative"
 """Title of the plot of the force curve."""
 PROFILE = "Profile of the tip on the ball"
 """Title of the plot of the tip."""
+TIP = Path(__file__).parents[2] / "examples/best-tip/tip.json"
+"""Table of a tip that is neither flat nor a part of a sphere."""
 BALL_DIAMETER_UM = 30.0
 """Diameter of the ball that is a sixth of the arena large in the scene [µm]."""
 
@@ -345,3 +349,18 @@ work_tool_object = 0.0033
             assert bench(page).settings == BenchSettings()
             browser.set("calibration", str(fit))
             assert bench(page).settings == calibrations[str(fit)]
+
+    def test_the_bench_takes_a_tip_of_another_profile(self, tmp_path):
+        """The tip that ships lifts balls with more volts than a flat one, and drops with fewer."""
+        path = tmp_path / "tip.toml"
+        path.write_text(f"[grasp]\ntip = '{TIP}'\n")
+        settings = parse(["play", "--config", str(path)]).calibrations()[str(path)]
+        table = read_table(TIP)
+        assert settings.profile is table.profile
+        assert settings.laws.release_voltage < BenchSettings().laws.release_voltage
+        share = table.adhesion_share(15e-6)
+        flat_pull_off = BenchSettings().laws.pull_off_tool
+        assert settings.laws.pull_off_tool == pytest.approx(share * flat_pull_off)
+        assert settings.has_curve
+        with pytest.raises(ConfigError, match="left out with a `tip`"):
+            settings.changed("probe_radius", 20.0)
