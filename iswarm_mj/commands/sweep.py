@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -20,6 +20,7 @@ from iswarm_mj.commands.command_settings import (
     without_effect,
 )
 from iswarm_mj.commands.flags import flag, in_flags, switch
+from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.commands.swarm import run_of
 from iswarm_mj.strategy.user_files import sources
@@ -30,20 +31,27 @@ MAX_RUNS = 10_000
 _FORM = (
     "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
 )
-_COMMANDS: dict[str, type] = {"clean": Clean, "run": Run}
+_COMMANDS: dict[str, type] = {"clean": Clean, "run": Run, "grasp": Grasp}
 _SWITCHES = ("--again", "-h", "--help", "--help-all", "--help_all")
 """Flags of the sweep itself that take no value."""
 _OWN_FLAGS = ("--over", "--out", *_SWITCHES)
 """Flags of the sweep itself; all others are those of its command."""
-_WITHOUT_EFFECT = ("out", "record_worlds", "record_grasps")
+_WITHOUT_EFFECT = (
+    "out",
+    "record_worlds",
+    "record_grasps",
+    "record",
+    "force_curve",
+    "voltages",
+)
 """Settings of the command that have no effect on the runs of a sweep."""
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Run clean or run for several values of any of its flags; writes a table and a figure."""
+    """Run clean, run or grasp for several values of any flag; writes a table and a figure."""
 
-    command: tyro.conf.Positional[Literal["clean", "run"]] = "clean"
+    command: tyro.conf.Positional[Literal["clean", "run", "grasp"]] = "clean"
     """The command whose flags vary."""
     over: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FLAG=VALUES")] = ()
     """Flags that vary, in all combinations: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as
@@ -66,8 +74,6 @@ class Sweep:
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.search.sweep import summary, sweep
-
         over = dict(map(_read_values, self.over))
         is_once_each = 0 < len(over) == len(self.over)
         check("over", self.over, f"one or more of {_FORM}, each flag once", is_once_each)
@@ -77,8 +83,29 @@ class Sweep:
 
         variants = self._variants(over)
         about = {"command": self.command, "arguments": self.command_arguments, "over": list(over)}
+        if self.command == "grasp":
+            self._sweep_grasps(variants, about)
+        else:
+            self._sweep_runs(variants, about)
+
+    def _sweep_grasps(self, variants: list[Any], about: dict[str, Any]) -> None:
+        """Run the trials of all variants, and print their table."""
+        from iswarm_mj.search.grasp_sweep import summary, sweep_grasps
+
+        rows = sweep_grasps(variants, self.out, about, self.again)
+        print("\n".join(summary(rows, about["over"])))
+        print(f"\nmeans and ranges; attempts without contact, too, in {self.out / 'sweep.csv'}")
+
+    def _sweep_runs(self, variants: list[Any], about: dict[str, Any]) -> None:
+        """Carry out the runs of all variants, and print their table.
+
+        Raises:
+            SimulationFault: a world had a fault.
+        """
+        from iswarm_mj.search.sweep import summary, sweep
+
         rows = sweep(variants, self.out, about, self.again)
-        print("\n".join(summary(rows, list(over))))
+        print("\n".join(summary(rows, about["over"])))
         print(f"\nmedians over worlds; all worlds in {self.out / 'sweep.csv'}")
 
         faults = [row["fault"] for row in rows if row["fault"]]
@@ -107,7 +134,7 @@ class Sweep:
             try:
                 reason = "on the runs of a sweep, which are not recorded"
                 refuse_changed(command, _WITHOUT_EFFECT, reason)
-                make_run = partial(run_of, command.scenario())  # checks all settings
+                make_run = self._maker(command)
             except UserError as error:
                 raise _in_flags_of(error, command) from None
 
@@ -123,6 +150,18 @@ class Sweep:
             if name not in effective:
                 raise error
         return variants
+
+    def _maker(self, command: Any) -> Callable[[], Any]:
+        """Return a function that makes the run of a command, or carries out its trials.
+
+        Raises:
+            UserError: the command refuses its settings.
+        """
+        if self.command == "grasp":
+            from iswarm_mj.workflows.grasp import run_grasp
+
+            return partial(run_grasp, command)
+        return partial(run_of, command.scenario())  # checks all settings
 
     def _command_with(self, values: dict[str, str]) -> Any:
         """Return the command with these values of what varies."""

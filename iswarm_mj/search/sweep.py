@@ -32,7 +32,8 @@ class Variant(NamedTuple):
     """Values of the settings that vary."""
     identity: str
     """Text of all that determines the run."""
-    make: Callable[[], Run]
+    make: Callable[[], Any]
+    """Returns the `Run`; of the bench, the rows of its trials."""
 
 
 def sweep(
@@ -59,7 +60,7 @@ def sweep(
                     finished.add(key, _rows_of_run(variant.make()))
                     bar.update()
         with finished.explained():
-            rows = _table(variants, [finished.entries[key] for key in keys])
+            rows = combined_table(variants, [finished.entries[key] for key in keys])
             write_table(out / SWEEP, rows, about, csv=True)
             _draw(rows, list(about["over"]), out / "sweep")
     return rows
@@ -95,7 +96,9 @@ def _rows_of_run(run: Run) -> list[dict[str, Any]]:
     return rows
 
 
-def _table(variants: Sequence[Variant], entries: Sequence[list[dict[str, Any]]]) -> list[Row]:
+def combined_table(
+    variants: Sequence[Variant], entries: Sequence[list[dict[str, Any]]]
+) -> list[Row]:
     """Return the rows of all runs, each with the labels of its run.
 
     Runs may have different columns; a missing value is None. A column with the name of a setting
@@ -209,7 +212,7 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
         name: name of the measure.
     """
     first, *others = over
-    place_of_value = _places_on_axis([row[first] for row in rows])
+    place_of_value = places_on_axis([row[first] for row in rows])
 
     # A line for each combination of the other settings.
     lines = by(rows, *others).values() if others else [rows]
@@ -258,7 +261,7 @@ def _draw_line(
     axes.plot(places_of_worlds, _values(rows, name), ".", color=line.get_color(), alpha=0.5)
 
 
-def _places_on_axis(values: Iterable[Any]) -> dict[Any, float]:
+def places_on_axis(values: Iterable[Any]) -> dict[Any, float]:
     """Return where each value of a setting is drawn: numbers to scale, words side by side."""
     distinct = list(dict.fromkeys(values))
     if _are_numbers(distinct):

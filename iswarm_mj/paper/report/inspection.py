@@ -19,7 +19,7 @@ from iswarm_mj.paper.report.listed_files import (
 )
 from iswarm_mj.paper.report.results import SEARCH, TRIALS, explaining_damage
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
-from iswarm_mj.search import sweep
+from iswarm_mj.search import grasp_sweep, sweep
 from iswarm_mj.search.best import best_of
 from iswarm_mj.search.journal import RUNS, count
 from iswarm_mj.search.rows import Row, Rows
@@ -213,6 +213,9 @@ def _version_and_seed(settings: Mapping[str, Any]) -> str:
 def _describe_sweep(rows: Rows, settings: Mapping[str, Any]) -> list[str]:
     """Return lines on the table of a sweep."""
     command = shlex.join([settings["command"], *settings["arguments"]])
+    if settings["command"] == "grasp":
+        title = f"sweep of {command}, version {settings['version']}"
+        return [title, *grasp_sweep.summary(rows, settings["over"])]
     title = f"sweep of {command}, {len(rows)} worlds, version {settings['version']}"
     return [title, *sweep.summary(rows, settings["over"])]
 
