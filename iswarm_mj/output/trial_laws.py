@@ -143,7 +143,7 @@ def described_parameters(settings: Mapping[str, Any]) -> str:
 
     beyond = settings.get("beyond_the_fit")
     if beyond:
-        sentence = f"Beyond the fit, so that voltages are predictions: {', '.join(beyond)}."
+        sentence = f"Beyond the fit, hence predictions: {', '.join(beyond)}."
         text += "\n" + textwrap.fill(sentence, _CAPTION_WIDTH)
     return text
 

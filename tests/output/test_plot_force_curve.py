@@ -6,6 +6,8 @@ from support.figures import captured
 
 from iswarm_mj.output import plot_force_curve
 from iswarm_mj.output.plot_force_curve import draw_force_curve, pull_off, snap_in
+from iswarm_mj.output.plot_style import figure
+from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 GAPS = {"approach": (20e-9, 5e-9, 1e-9, -2e-9), "retract": (-2e-9, -1e-9, 1e-9, 20e-9)}
 """Gaps of the samples of a curve [m]."""
@@ -88,3 +90,18 @@ class TestFigure:
         assert styles[0][0] == styles[1][0] and styles[0][1] == styles[2][1]
         legend = [text.get_text() for text in whole.get_legend().get_texts()]
         assert legend == ["0 V", "20 V", "R = 15 µm", "R = 25 µm"]
+
+
+def test_the_caption_states_the_parameters_of_the_run_and_what_is_beyond_the_fit(
+    tmp_path, monkeypatch
+):
+    captions = []
+    monkeypatch.setattr(
+        plot_force_curve,
+        "figure",
+        lambda path, caption, **more: captions.append(caption) or figure(path, **more),
+    )
+    metadata = GraspSettings(radius=("20e-6",), ball_material="gold").metadata()
+    draw_force_curve([rows_of(0.0, 20e-6)], metadata, tmp_path)
+    assert "W_TO = 2.06 mJ/m²" in captions[0]
+    assert captions[0].endswith("Beyond the fit, hence predictions: ball_material gold.")
