@@ -24,6 +24,7 @@ from iswarm_mj.engines.robot_file import (
     robot_spec,
     without_visual,
 )
+from iswarm_mj.engines.settings import REFINEMENT
 from iswarm_mj.geometry.obstacles import HEAVIEST, Box, mean_distance, numbers
 from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.geometry.walls import in_mm
@@ -40,7 +41,7 @@ _PUSH = 0.03
 """Share of the way to the margin by which bodies that touch are pushed apart in a time step."""
 _IMPEDANCE = 0.99
 """Impedance of surfaces that touch."""
-_POWER = 2.0
+_POWER = 4.0
 """Power of the way from the margin with which the impedance grows."""
 
 _BOX_COLOUR = [0.54, 0.43, 0.31, 1.0]
@@ -122,7 +123,7 @@ def arena_spec(
     *,
     visual: bool,
     robot_file: RobotFile = None,
-    refinement: int = 1,
+    refinement: int = REFINEMENT,
 ) -> mujoco.MjSpec:
     """Compose the arena of robots robot0/, robot1/ ..., boxes box0/ ... and balls ball0/ ....
 
@@ -169,7 +170,7 @@ def compile_arena(
     visual: bool = False,
     tune: Callable[[mujoco.MjSpec], None] | None = None,
     robot_file: RobotFile = None,
-    refinement: int = 1,
+    refinement: int = REFINEMENT,
 ) -> ArenaModel:
     """Compile the arena and find its robots, boxes and balls.
 
@@ -516,12 +517,14 @@ def _tune_contacts(spec: mujoco.MjSpec, timestep: float, margin: float) -> None:
     MuJoCo's impedance d grows from nearly 0 at the margin to `_IMPEDANCE` where surfaces touch.
     With a damping of one over the time step, two robots that meet flush come nearer by
     r / (1 + r), with r = (1 - d) / (6 d), of what they would without the contact: all of it at the
-    margin, a third halfway, next to nothing where they touch. So they brake as they come near.
-    (They have four points, each of which yields by (1 - d) / d of MuJoCo's estimate of the inverse
-    mass, 2/3 of the true one. A corner that meets a side has two points, and twice the r.)
+    margin, 72 % halfway, 27 % at three quarters of the way, next to nothing where they touch. So
+    they brake as they come near. (They have four points, each of which yields by (1 - d) / d of
+    MuJoCo's estimate of the inverse mass, 2/3 of the true one. A corner that meets a side has two
+    points, and twice the r.)
 
-    With the present power the robots of a crowd brake so early that they finish later than with
-    finer steps; with a higher one, so late that more of them overlap (docs/performance.md).
+    With a lower power the robots of a crowd brake so early that they finish later than with finer
+    steps; with a higher one, so late that more of them overlap. Finer steps come with a smaller
+    margin and make both less (docs/performance.md).
 
     The stiffness pushes bodies apart by up to `_PUSH` of the way that is left to the margin, a
     step, also those that have no command. It holds robots apart that press upon each other, and

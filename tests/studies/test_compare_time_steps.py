@@ -4,6 +4,8 @@ import compare_time_steps
 import numpy as np
 import pytest
 
+from iswarm_mj.engines.settings import REFINEMENT
+
 
 @pytest.mark.parametrize(
     ("low", "high", "verdict"),
@@ -36,10 +38,11 @@ def test_the_interval_of_the_ratio_is_that_of_the_normal_distribution(n_worlds, 
 
 
 def test_worlds_that_do_not_finish_count_with_all_steps(monkeypatch):
-    steps = {1: np.array([100, 0, 100]), 10: np.array([100, 100, 0])}
+    steps = {REFINEMENT: np.array([100, 0, 100]), 10: np.array([100, 100, 0])}
     monkeypatch.setattr(
         compare_time_steps, "steps_to_goal", lambda preset, robots, refinement, _: steps[refinement]
     )
     arguments = compare_time_steps.parse_arguments(["--steps", "800"])
     row = compare_time_steps.row("type1", 0.118, arguments)
-    assert row.startswith("| type1 | 0.118 | 280 | 2 of 3 | 2 of 3 | 200.0 | 200.0 | 1.000 (")
+    assert (row["robots"], row["finished"], row["finished, finer"]) == (280, 2, 2)
+    assert (row["steps"], row["steps, finer"], row["ratio"]) == (200.0, 200.0, 1.0)

@@ -1,12 +1,13 @@
 """Compare finishing times at the default time step with those at finer physics steps.
 
-    python tools/research/compare_time_steps.py --worlds 512 --impl warp
+    python tools/research/compare_time_steps.py --worlds 512 --impl warp --out time-steps.csv
     python tools/research/compare_time_steps.py --densities 0.3 --presets type1 --refinement 4
 
-It prints a row for each density and preset: worlds that delivered 66 of 72 balls within --steps
-control steps, and the geometric means of the control steps until then, at the default and at the
-finer steps; then the ratio of the means with its 95 % interval, by bootstrap over the worlds. A
-world that did not deliver them counts with --steps. Both begin from the same layouts.
+It prints a row for each density and preset, and writes them to --out: worlds that delivered 66 of
+72 balls within --steps control steps, and the geometric means of the control steps until then, at
+the default and at the finer steps; then the ratio of the means with its 95 % interval, by bootstrap
+over the worlds. A world that did not deliver them counts with --steps. Both begin from the same
+layouts.
 
 The rule of the verdict: the default has `converged` if the interval of the ratio lies between 0.95
 and 1.05, it `differs` if the interval does not touch that range, and is `undecided` otherwise.
@@ -14,15 +15,19 @@ and 1.05, it `differs` if the interval does not touch that range, and is `undeci
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.settings import REFINEMENT
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.utils.tables import write_csv
 from iswarm_mj.workflows.rollout import rollout
 
 GOAL = 66
@@ -79,27 +84,29 @@ def verdict(low: float, high: float) -> str:
     return "undecided"
 
 
-def row(preset: str, density: float, arguments: argparse.Namespace) -> str:
-    """Return the row of a density and a preset."""
+def row(preset: str, density: float, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Return the row of a density and a preset, by the titles of the columns."""
     n_robots = robots_for(SwarmConfig().arena, density)
     raw = [
         steps_to_goal(preset, n_robots, refinement, arguments)
-        for refinement in (1, arguments.refinement)
+        for refinement in (REFINEMENT, arguments.refinement)
     ]
     default, finer = (np.where(steps > 0, steps, arguments.steps) for steps in raw)
     low, high = ratio_interval(default, finer)
-    ratio = geometric_mean(default) / geometric_mean(finer)
-    cells = [
-        preset,
-        f"{density:g}",
-        f"{n_robots}",
-        *(f"{np.count_nonzero(steps)} of {len(steps)}" for steps in raw),
-        f"{geometric_mean(default):.1f}",
-        f"{geometric_mean(finer):.1f}",
-        f"{ratio:.3f} ({low:.3f} to {high:.3f})",
-        verdict(low, high),
-    ]
-    return f"| {' | '.join(cells)} |"
+    return {
+        "preset": preset,
+        "density": density,
+        "robots": n_robots,
+        "worlds": arguments.worlds,
+        "finished": int(np.count_nonzero(raw[0])),
+        "finished, finer": int(np.count_nonzero(raw[1])),
+        "steps": round(geometric_mean(default), 1),
+        "steps, finer": round(geometric_mean(finer), 1),
+        "ratio": round(geometric_mean(default) / geometric_mean(finer), 3),
+        "low": round(low, 3),
+        "high": round(high, 3),
+        "verdict": verdict(low, high),
+    }
 
 
 def parse_arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
@@ -113,29 +120,21 @@ def parse_arguments(words: Sequence[str] | None = None) -> argparse.Namespace:
     add("--densities", type=float, nargs="+", default=DENSITIES)
     add("--presets", nargs="+", choices=[*PRESETS], default=["type1", "type2"])
     add("--refinement", type=int, default=10, help="parts of a physics step in the finer runs")
+    add("--out", type=Path, help="CSV file of the rows")
     add("--impl", choices=["numba", "warp"], default="numba")
     return parser.parse_args(words)
 
 
 def main() -> None:
-    """Print the table."""
+    """Print and write the table."""
     arguments = parse_arguments()
-    titles = (
-        "preset",
-        "density",
-        "robots",
-        "finished",
-        f"at refinement {arguments.refinement}",
-        "steps",
-        f"at refinement {arguments.refinement}",
-        "ratio",
-        "verdict",
-    )
-    print(f"| {' | '.join(titles)} |")
-    print("|" + "---|" * len(titles))
+    rows = []
     for density in arguments.densities:
         for preset in arguments.presets:
-            print(row(preset, density, arguments), flush=True)
+            rows.append(row(preset, density, arguments))
+            print(rows[-1], flush=True)
+            if arguments.out is not None:
+                write_csv(arguments.out, rows)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,7 @@ middle of the arena, and the processor time of a control step's motion is printe
 on the host.
 
 The steps are taken one by one, so that `planar` begins each without the impulses of the one before,
-as it does in the first step of each phase. --refinement and --accuracy are those of `planar` and
-`warp`.
+as it does in the first step of each phase. --accuracy is that of `planar` and `warp`.
 """
 
 import argparse
@@ -272,13 +271,13 @@ def engine_of(arguments: argparse.Namespace, config: SwarmConfig) -> tuple[Engin
     """
     planar = PlanarSettings(threads=1, refinement=arguments.refinement, accuracy=arguments.accuracy)
     if arguments.engine == "mujoco":
-        return MujocoSettings(threads=1), None
+        return MujocoSettings(threads=1, refinement=arguments.refinement), None
     if arguments.engine == "planar":
         return planar, None
 
     moving = {
         "warp": replace(planar, threads=0, impl="warp"),
-        "mjx": MjxSettings(contact_capacity=4.0),
+        "mjx": MjxSettings(contact_capacity=4.0, refinement=arguments.refinement),
     }
     n_robots = robots_for(config.arena, arguments.density)
     model = ModelSpec(config, n_robots, n_robots)
@@ -287,7 +286,6 @@ def engine_of(arguments: argparse.Namespace, config: SwarmConfig) -> tuple[Engin
 
 def main() -> None:
     """Print a row per seed."""
-    default = PlanarSettings()
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -297,8 +295,8 @@ def main() -> None:
     parser.add_argument("--jam", action="store_true")
     parser.add_argument("--seed", type=int, nargs="+", default=[0])
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--refinement", type=int, default=default.refinement)
-    parser.add_argument("--accuracy", type=float, default=default.accuracy)
+    parser.add_argument("--refinement", type=int, default=1)
+    parser.add_argument("--accuracy", type=float, default=PlanarSettings().accuracy)
     arguments = parser.parse_args()
 
     half_extent = mm_from_rd(SwarmConfig().arena.size) / 2

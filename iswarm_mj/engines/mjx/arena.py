@@ -13,6 +13,7 @@ from jaxtyping import Float
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, solref_in_parts
 from iswarm_mj.engines.mjx.api import mjx, put_model
+from iswarm_mj.engines.settings import REFINEMENT
 from iswarm_mj.geometry.obstacles import numbers, with_poses
 from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.geometry.walls import area_of
@@ -92,6 +93,7 @@ class MjxArena:
         impl: implementation of MJX, "jax" or "warp".
         capacity: sizes of the contact buffers.
         robot: geometry and mass of the robots.
+        refinement: time steps of the model in a physics step of the drive's configuration.
     """
 
     model: mjx.Model
@@ -106,6 +108,7 @@ class MjxArena:
     impl: str = field(metadata={"static": True})
     capacity: ContactCapacity = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
+    refinement: int = field(metadata={"static": True})
 
     def hulls(self, poses: Float[Array, "N 3"]) -> Float[Array, "N 6"]:
         """Return robots at these poses as boxes, see `geometry.obstacles.numbers` [mm]."""
@@ -122,6 +125,7 @@ def compile_mjx_arena(
     capacity: ContactCapacity | None = None,
     iterations: int = 100,
     robot_file: RobotFile = None,
+    refinement: int = REFINEMENT,
 ) -> MjxArena:
     """Compile the arena for MJX.
 
@@ -134,6 +138,7 @@ def compile_mjx_arena(
             `contact_capacity(config, n_robots)`.
         iterations: maximum of the contact solver, 100 for MuJoCo's own result.
         robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
+        refinement: time steps of the model in a physics step of the drive's configuration.
     """
     if capacity is None:
         capacity = contact_capacity(config, n_robots)
@@ -147,6 +152,7 @@ def compile_mjx_arena(
         ball_radius=np.zeros(0),
         tune=tune,
         robot_file=robot_file,
+        refinement=refinement,
     )
     geoms = np.concatenate([arena.hull, arena.obstacles])
 
@@ -169,6 +175,7 @@ def compile_mjx_arena(
         impl=impl,
         capacity=capacity,
         robot=arena.robot,
+        refinement=arena.refinement,
     )
 
 

@@ -137,7 +137,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         if self.is_masked:
             model = without_absent(model, bodies.is_present)
         shape = bodies.poses.shape
-        n_steps = [phase.n_substeps * phase.parts for phase in phases]
+        n_steps = [phase.n_substeps * phase.parts * arena.refinement for phase in phases]
         ends = list(itertools.accumulate(n_steps))
         parts_of_steps = np.repeat([phase.parts for phase in phases], n_steps)
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, Self
 
-from iswarm_mj.engines.settings import Devices, EngineSettings, ModelSpec
+from iswarm_mj.engines.settings import REFINEMENT, Devices, EngineSettings, ModelSpec
 from iswarm_mj.utils.constraints import Within
 
 if TYPE_CHECKING:
@@ -28,6 +28,9 @@ class MjxSettings(EngineSettings):
     name: ClassVar[str] = "mjx"
     has_boxes: ClassVar[bool] = True
 
+    refinement: Annotated[int, Within(1, 100)] = REFINEMENT
+    """Parts into which each physics step of the drive is divided. More parts make robots more rigid
+    and finishing times of crowds more exact."""
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
     solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
@@ -81,5 +84,6 @@ class MjxSettings(EngineSettings):
             ),
             iterations=self.solver_iterations,
             robot_file=model.robot_file,
+            refinement=self.refinement,
         )
         return MjxEngine(arena, model.config, model.is_masked)

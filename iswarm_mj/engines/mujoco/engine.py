@@ -177,7 +177,7 @@ class MujocoEngine(BoxesMixin, Engine):
 
         worlds = np.flatnonzero(runs)
         n_contacts = bodies.n_contacts.copy()
-        n_steps = phase.n_substeps * phase.parts
+        n_steps = phase.n_substeps * phase.parts * self._arena.refinement
         failed_worlds = self._step(n_steps, worlds, n_contacts[worlds] > JAM)
         fault = np.zeros(len(runs), np.int32)
         fault[failed_worlds] = FaultKind.SOLVER_FAILED

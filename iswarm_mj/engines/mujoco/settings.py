@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
-from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.engines.settings import REFINEMENT, EngineSettings, ModelSpec
 from iswarm_mj.utils.constraints import Within
 
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ class MujocoSettings(EngineSettings):
 
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads for the physics, 0 for one per core; the results do not depend on it."""
+    refinement: Annotated[int, Within(1, 100)] = REFINEMENT
+    """Parts into which each physics step of the drive is divided. More parts make robots more rigid
+    and finishing times of crowds more exact."""
 
     @property
     def bytes_per_robot(self) -> int:
@@ -38,6 +41,7 @@ class MujocoSettings(EngineSettings):
             n_robots=model.n_robots,
             ball_radius=np.zeros(0),
             robot_file=model.robot_file,
+            refinement=self.refinement,
         )
 
         def make_engine(n_worlds: int, n_threads: int) -> MujocoEngine:

@@ -143,7 +143,7 @@ def _trials_part(plan: Plan, repeats: int) -> Part:
 
 def _experiment_parts(plan: Plan, execution: Execution) -> Iterator[Part]:
     """Yield the parts of the experiments."""
-    planar = replace(execution, engine=replace(PlanarSettings.usual(), refinement=1))
+    planar = replace(execution, engine=PlanarSettings.usual())
     for name, experiment in EXPERIMENTS.items():
         own_execution = planar if name in PLANAR_ONLY else execution
         settings = settings_of(experiment, plan, own_execution)

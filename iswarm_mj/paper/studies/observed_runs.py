@@ -182,14 +182,10 @@ def observe_time_steps(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> Non
 
 
 def _begin(row: dict[str, Any], plan: Plan) -> _ObservedRun:
-    """Begin the run of a row on one thread.
-
-    The planar engine takes the physics steps of the drive undivided, of which the rate is the
-    number in a control step.
-    """
+    """Begin the run of a row in the planar engine, on one thread."""
     config = replace(plan.config, drive=drive_with_rate(plan.config.drive, row["rate"]))
     scenario = _scenario_of(row, config, row["goal"])
-    engine = PlanarSettings(threads=1, refinement=1)
+    engine = PlanarSettings(threads=1)
     return _ObservedRun(row, Run(replace(scenario, engine=engine), record_worlds=()))
 
 
