@@ -21,6 +21,12 @@ MOST_MOMENTUM = 0.9
 
 Nearer 1, rounding grows in 32-bit floats."""
 
+RESTART = 50
+"""Number of sweeps after which momentum starts again from nothing.
+
+In crowds that fill the arena, impulses with momentum can run in circles without going uphill: an
+island of 725 contacts took 10,013 sweeps without restarts, and takes 60."""
+
 _SAME_SIDE = 0.9
 """Cosine of the angle between two normals below which bodies touch at other sides."""
 
@@ -130,10 +136,9 @@ def solve(
     """
     n_bodies = len(velocities) - 1  # without the last, which is fixed
     order, begins = find_islands(contacts, n_bodies)
-    converged = True
     for k in range(len(begins) - 1):
         members = order[begins[k] : begins[k + 1]]
-        converged = converged and solve_island(
+        n_sweeps = solve_island(
             members,
             contacts,
             velocities,
@@ -141,7 +146,9 @@ def solve(
             kinds,
             plane,
         )
-    return converged
+        if n_sweeps == 0:
+            return False
+    return True
 
 
 @uncounted
@@ -152,15 +159,15 @@ def solve_island(
     friction: np.ndarray,
     kinds: np.ndarray,
     plane: Plane,
-) -> bool:
+) -> int:
     """Find the impulses of some contacts and change the velocities accordingly.
 
     Each sweep solves contact after contact exactly while the others stay, which descends on the
     strictly convex dual problem and converges. Where many robots push each other that takes
     thousands of sweeps; momentum makes it ten times faster. It grows from sweep to sweep
-    (Nesterov 1983, Soviet Math. Dokl. 27, 372), starts again where it leads uphill (the gradient
-    scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15, 715), and stops for good after
-    half of all sweeps.
+    (Nesterov 1983, Soviet Math. Dokl. 27, 372), starts again where it leads uphill and every
+    `RESTART` sweeps (the gradient scheme and the fixed one of O'Donoghue & Candes 2015, Found.
+    Comput. Math. 15, 715), and stops for good after half of all sweeps.
 
     Args:
         members: indices of the contacts that are solved.
@@ -172,9 +179,9 @@ def solve_island(
         plane: limits of the sweeps.
 
     Returns:
-        True if the sweeps converged.
+        Number of sweeps; 0 if they did not converge.
     """
-    n_downhill = 0  # sweeps since momentum led uphill
+    n_downhill = 0  # sweeps since momentum started
     is_single = len(members) == 1 and not contacts[members[0]].has_friction  # one sweep is exact
     for sweep in range(1, plane.max_sweeps + 1):
         change = 0.0
@@ -185,15 +192,15 @@ def solve_island(
             change = max(change, contact_change)
             uphill += contact_uphill
         if change <= plane.tolerance or is_single:
-            return True
+            return sweep
 
-        may_go_on = uphill <= 0.0 and 2 * sweep <= plane.max_sweeps
+        may_go_on = uphill <= 0.0 and sweep % RESTART != 0 and 2 * sweep <= plane.max_sweeps
         n_downhill = n_downhill + 1 if may_go_on else 0
         momentum = min(MOST_MOMENTUM, n_downhill / (n_downhill + 2.0)) if sweep > 1 else 0.0
         for k in members:
             contact = contacts[k]
             _move_on(contact, momentum, velocities, friction, kinds)
-    return False
+    return 0
 
 
 @inlined

@@ -16,6 +16,7 @@ from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, World
 from iswarm_mj.utils.errors import FaultKind
 
 _MOST_MOMENTUM = wp.constant(solver.MOST_MOMENTUM)
+_RESTART = wp.constant(solver.RESTART)
 _MOST_UPHILL = wp.constant(1.0e12)  # in units; sums of many contacts stay far below 2^63
 _FAILED = wp.constant(int(FaultKind.SOLVER_FAILED))
 _floor_friction = rows.floor_friction
@@ -94,7 +95,7 @@ def solve(w: World, lane: int) -> int:
     least_impulse = plane.tolerance / w.kinds[0].inverse_mass
     units = 1000.0 / (least_impulse * least_impulse)
     sweep = int(0)
-    n_downhill = int(0)  # sweeps since momentum led uphill
+    n_downhill = int(0)  # sweeps since momentum started
     momentum = float(0.0)
     is_changing = bool(True)
     while is_changing and sweep < plane.max_sweeps:
@@ -106,7 +107,7 @@ def solve(w: World, lane: int) -> int:
         # As in `planar.solver.solve_island`; the first sweep has no momentum that could lead
         # uphill.
         is_downhill = sweep == 1 or uphill <= wp.int64(0)
-        may_go_on = 2 * sweep <= plane.max_sweeps and is_downhill
+        may_go_on = is_downhill and sweep % _RESTART != 0 and 2 * sweep <= plane.max_sweeps
         n_downhill = wp.where(may_go_on, n_downhill + 1, 0)
         growing = wp.min(_MOST_MOMENTUM, float(n_downhill) / (float(n_downhill) + 2.0))
         momentum = wp.where(sweep > 1, growing, 0.0)
