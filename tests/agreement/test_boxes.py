@@ -35,7 +35,7 @@ def box(x=3.0, y=0.0, half_x=0.5, half_y=0.5, degrees=0.0, mass=1e-5, friction=0
 def engines_with(boxes, tune=None):
     """Return MuJoCo in C and the planar engine for CPUs, of one robot and boxes."""
     config = SwarmConfig(replace(ARENA, boxes=tuple(boxes)))
-    arena = compile_arena(config, 1, np.zeros(0), tune=tune)
+    arena = compile_arena(config, 1, np.zeros(0), tune=tune, refinement=1)
     return MujocoEngine(config, arena, 1, 1, 1), PlanarEngine(config, arena, 1)
 
 

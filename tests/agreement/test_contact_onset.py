@@ -84,12 +84,16 @@ class TestHeadOn:
 
     def test_they_touch_by_force_and_distance(self, engines, name):
         """Near and pressed together; near and going apart; braking at a distance."""
-        for distance, speed, touches in ((0.02, 1.0, True), (0.02, -1.0, False), (0.3, 2.0, False)):
+        for distance, speed, touches in (
+            (0.02, 1.0, True),
+            (0.02, -1.0, False),
+            (0.19, 0.5, False),
+        ):
             start = [(0, 0, 0), (2 + distance, 0, 0)]
             (motion,) = motions(engines[name], start, [(speed, 0, 0), (-speed, 0, 0)], 1)
             assert pairs_of(motion.touching).any() == touches
             way = np.asarray(motion.bodies.poses)[0, 0, 0]
-            is_braked = way < 0.1 * speed - 0.01
+            is_braked = abs(way) < 0.99 * 0.1 * abs(speed)
             is_coming_nearer = speed > 0
             assert is_braked == is_coming_nearer
 
@@ -103,20 +107,20 @@ class TestHeadOn:
 
 
 def test_corners_that_meet_stop_each_other_in_planar():
-    """MuJoCo has no contact there, so that robots overlap first."""
+    """MuJoCo has no contact there, so that robots at half the speed overlap first."""
     start = [(0, 0, 0), (2.1, 2.1, 0)]
-    along = FULL_SPEED * np.sqrt(0.5)
+    along = FULL_SPEED / 2 * np.sqrt(0.5)
     velocity = [(along, along, 0), (-along, -along, 0)]
     engines = engines_of(SMALL, 2)
     deepest = {}
     for name, engine in engines.items():
         gaps = []
-        for motion in motions(engine, start, velocity, 4):
+        for motion in motions(engine, start, velocity, 6):
             first, second = np.asarray(motion.bodies.poses)[0]
             gaps.append(gap(first, second, (1, 1), (1, 1)))
         deepest[name] = -min(gaps)
-    assert deepest["mujoco"] > 2 * RIGID
-    assert max(deepest["numba"], deepest["warp"]) < 2 * RIGID
+    assert deepest["mujoco"] > RIGID
+    assert max(deepest["numba"], deepest["warp"]) < 0.0
 
 
 SOLIDS = {

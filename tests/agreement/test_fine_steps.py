@@ -17,7 +17,7 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.plane import FINEST
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.settings import ModelSpec
+from iswarm_mj.engines.settings import REFINEMENT, ModelSpec
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
@@ -40,7 +40,7 @@ class Ways(NamedTuple):
     """(T, N, 3) after each control step of the reference."""
 
 
-def planar_engine(n_robots, refinement=1, accuracy=None):
+def planar_engine(n_robots, refinement=REFINEMENT, accuracy=None):
     """Return the planar engine of one world, with an accuracy, by default the usual one."""
     settings = PlanarSettings(threads=1, refinement=refinement)
     if accuracy is not None:

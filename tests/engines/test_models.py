@@ -41,7 +41,7 @@ class TestEveryModel:
     def test_is_in_mm_mg_s(self, name):
         model = load(name)
         np.testing.assert_array_equal(model.opt.gravity, [0, 0, -GRAVITY])
-        assert model.opt.timestep == 0.1
+        assert model.opt.timestep == 0.05
 
     def test_leaves_no_default_in_metres(self, name):
         model = load(name)

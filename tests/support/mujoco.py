@@ -6,6 +6,7 @@ from mujoco.batch import SimulationError
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.settings import REFINEMENT
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD
@@ -25,7 +26,7 @@ class Worlds:
         joints: (N, 3) addresses of x, y and yaw of the robots in qpos and qvel.
     """
 
-    def __init__(self, config, poses, free=False, present=None):
+    def __init__(self, config, poses, free=False, present=None, refinement=REFINEMENT):
         """Place the robots.
 
         Args:
@@ -33,12 +34,13 @@ class Worlds:
             poses: (B, N, 3) of the robots.
             free: robots have neither drive nor damping.
             present: (B, N) which robots are present, by default all.
+            refinement: see `compile_arena`.
         """
         poses = np.asarray(poses, float)
         self.n_worlds, n_robots = poses.shape[:2]
         self.present = np.ones(poses.shape[:2], bool) if present is None else np.asarray(present)
 
-        arena = compile_arena(config, n_robots, np.zeros(0))
+        arena = compile_arena(config, n_robots, np.zeros(0), refinement=refinement)
         if free:
             arena.model.dof_damping[:] = 0.0
         self.engine = MujocoEngine(config, arena, self.n_worlds, 1, n_robots)

@@ -9,6 +9,7 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.reception import points_of, read_light
+from iswarm_mj.engines.settings import REFINEMENT
 
 
 def placed(engine, poses, present=None):
@@ -24,7 +25,7 @@ def moved(engine, bodies, velocity, n_substeps=10, running=None):
     return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], running)
 
 
-def both_engines(config, refinement=1, tune=None, **changes):
+def both_engines(config, refinement=REFINEMENT, tune=None, **changes):
     """Return the engine for CPUs and the one for batches.
 
     Args:

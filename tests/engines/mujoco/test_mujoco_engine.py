@@ -113,7 +113,8 @@ def test_pairs_touch_that_push_each_other_at_a_small_distance(small):
     poses = np.concatenate([first, first + offset], axis=1)
     velocity = np.zeros(poses.shape)
     velocity[..., 0] = np.concatenate([speed, -speed], axis=1)
-    touching = pairs_of(Worlds(small, poses).move(velocity, 1).touching)
+    worlds = Worlds(small, poses, refinement=1)
+    touching = pairs_of(worlds.move(velocity, 1).touching)
 
     expected = np.zeros(touching.shape, bool)
     for world in range(n_worlds):

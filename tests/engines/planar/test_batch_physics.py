@@ -13,6 +13,7 @@ from support.touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.contact_law import ContactLaw
+from iswarm_mj.engines.settings import REFINEMENT
 from iswarm_mj.utils.units import RD
 
 WALL = 7.5 * RD
@@ -31,7 +32,7 @@ def long_hulls(spec):
 
 
 @cache
-def engines(refinement=1, tune=None):
+def engines(refinement=REFINEMENT, tune=None):
     return both_engines(SMALL, refinement, tune)
 
 
@@ -39,7 +40,7 @@ def move_both(
     poses,
     velocity,
     *,
-    refinement=1,
+    refinement=REFINEMENT,
     tune=None,
     present=None,
     n_substeps=10,

@@ -66,7 +66,7 @@ def test_refinement_is_a_finer_step_of_the_drive(small):
     )
     finer = replace(small, drive=finer_drive)
     refined = PlanarEngine(small, compile_arena(small, 1, np.zeros(0), refinement=5), 3)
-    plain = PlanarEngine(finer, compile_arena(finer, 1, np.zeros(0)), 1)
+    plain = PlanarEngine(finer, compile_arena(finer, 1, np.zeros(0), refinement=1), 1)
 
     rng = np.random.default_rng(7)
     start = crowd(7, rng)
@@ -117,7 +117,7 @@ class TestContacts:
 
     def test_a_robot_meets_a_wall(self, small):
         """Two equal rows: J v' + R p / 2 + offset = 0 with m v' = m v - p, solved by hand."""
-        engine = engine_of(small)
+        engine = PlanarEngine(small, compile_arena(small, 1, np.zeros(0), refinement=1), 1)
         overlap = 0.05
         speed = 1.2
         d = 0.99  # impedance

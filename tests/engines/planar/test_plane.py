@@ -41,7 +41,7 @@ def test_numbers_are_those_of_the_robot():
     assert read_kinds(arena) == (pytest.approx(PAPERS_ROBOT),)
     assert plane.largest_radius == pytest.approx(math.sqrt(2))
     assert plane.half_extent == pytest.approx(24.5 * RD)
-    assert plane.timestep == pytest.approx(0.1)
+    assert plane.timestep == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize("read", [read_plane, read_kinds])
