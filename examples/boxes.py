@@ -5,7 +5,7 @@
         --arena.boxes 0 6 1 1 0 1e-5 0.004  -4 -4 0.8 1.5 10 1e-5 0.004  5 -8 0.8 0.8 0 8e-6 0.004
 
 Each box is x, y, half edges [rd], yaw [deg], mass [kg] and friction with the floor. A drive pushes
-with up to 0.24 uN.
+with up to 0.47 uN.
 """
 
 from dataclasses import dataclass

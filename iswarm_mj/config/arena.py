@@ -52,7 +52,7 @@ class ArenaConfig:
     [rd], yaw [deg]."""
     boxes: tuple[tuple[float, float, float, float, float, float, float], ...] = ()
     """Boxes that robots push, and that stop light: as obstacles where they start, then mass [kg],
-    friction with the floor. A drive pushes with at most 0.24 uN: a box of 1e-6 kg (weight 9.8 uN)
+    friction with the floor. A drive pushes with at most 0.47 uN: a box of 1e-6 kg (weight 9.8 uN)
     and friction 0.02 takes one robot. Mass 0: driven by the task alone."""
 
     def __post_init__(self):

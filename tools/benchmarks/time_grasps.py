@@ -40,7 +40,7 @@ from iswarm_mj.tasks.layout import robots_for
 
 ENGINES = {
     "mujoco": MujocoSettings(1),
-    "planar": PlanarSettings(1, refinement=1),
+    "planar": PlanarSettings(1),
     "planar-fine": PlanarSettings(1, refinement=10),
 }
 GOAL = 66

@@ -62,7 +62,7 @@ def row(genome_name: str, light: str, arguments: argparse.Namespace) -> list[str
         config,
         strategy=genome,
         robots=n_robots,
-        engine=PlanarSettings(refinement=1),
+        engine=PlanarSettings(),
         seed=arguments.seed,
         worlds=arguments.worlds,
         steps=arguments.steps,

@@ -35,7 +35,7 @@ from iswarm_mj.engines.mujoco.engine import MujocoEngine, add_partners
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.engines.settings import REFINEMENT, EngineSettings, ModelSpec
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("--jam", action="store_true")
     parser.add_argument("--seed", type=int, nargs="+", default=[0])
     parser.add_argument("--steps", type=int, default=100)
-    parser.add_argument("--refinement", type=int, default=1)
+    parser.add_argument("--refinement", type=int, default=REFINEMENT)
     parser.add_argument("--accuracy", type=float, default=PlanarSettings().accuracy)
     arguments = parser.parse_args()
 
