@@ -29,7 +29,7 @@ from iswarm_mj.utils.declared_shapes import check_result, shapes_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.user_code import check_class, is_shipped, user_code
 
-MAX_MOVE = 0.12
+MAX_MOVE = 0.05
 """Distance by which contacts may move robots that have no command [mm].
 
 They begin at a margin, and push robots that stand side by side 0.11 mm apart in a control step."""
