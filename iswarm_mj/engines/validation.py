@@ -32,7 +32,7 @@ from iswarm_mj.utils.user_code import check_class, is_shipped, user_code
 MAX_MOVE = 0.05
 """Distance by which contacts may move robots that have no command [mm].
 
-They begin at a margin, and push robots that stand side by side 0.11 mm apart in a control step."""
+They begin at a margin, and push robots that stand side by side 0.06 mm apart in a control step."""
 MAX_TURN = 0.05
 """Angle by which contacts may turn robots that have no command [rad]."""
 

@@ -180,7 +180,7 @@ class TestBatches:
         assert sum(outcome["picked"] for outcome in batched) > 3
 
     def test_planar_is_run_in_batches_where_there_is_a_gpu(self, monkeypatch):
-        settings = {"engine": "planar", "refinement": 1, "accuracy": 0.1}
+        settings = {"engine": "planar", "refinement": 2, "accuracy": 0.1}
         without_gpu = Execution(PlanarSettings.usual())
         assert not without_gpu.in_batches
         assert without_gpu.identity == settings

@@ -56,6 +56,8 @@ OTHER_PARTS = {
     "gripper": GripperConfig(
         drop_rate=0.1,
         grasp_voltage=41.0,
+        humidity_doubling=60.0,
+        humidity_fall=0.02,
         release_voltage=54.0,
         relative_humidity=20.0,
         spread_tool_object=0.3,

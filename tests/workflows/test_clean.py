@@ -23,7 +23,7 @@ STEPS = BLOCK_FRAMES + 6
 N_BALLS = 24
 N_ROBOTS = 30
 FILES = ["clean.rrd", "result.json", "trajectory.npz"]
-DESCRIPTION = ("version", "engine", "settings", "task", "genome", "config", "robot")
+DESCRIPTION = ("version", "engine", "refinement", "settings", "task", "genome", "config", "robot")
 """Entries of result.json that describe the run, which trajectories have, too."""
 HELD = 1
 DELIVERED = 2

@@ -28,9 +28,6 @@ class MjxSettings(EngineSettings):
     name: ClassVar[str] = "mjx"
     has_boxes: ClassVar[bool] = True
 
-    refinement: Annotated[int, Within(1, 100)] = REFINEMENT
-    """Parts into which each physics step of the drive is divided. More parts make robots more rigid
-    and finishing times of crowds more exact."""
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""
     solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
@@ -38,6 +35,9 @@ class MjxSettings(EngineSettings):
     contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
     """Size of MJX's contact buffers relative to the default
     (`engines.mjx.arena.contact_capacity`); jams need more."""
+    refinement: Annotated[int, Within(1, 100)] = REFINEMENT
+    """Parts into which each physics step of the drive is divided. More parts make robots more rigid
+    and finishing times of crowds more exact."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
     """Control steps per call of the compiled program; faults and progress are reported between
     calls."""
