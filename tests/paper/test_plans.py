@@ -38,7 +38,6 @@ def changed_settings(config):
 
 
 TO_REPEAT = {
-    "density": "its table has 119 to 950 robots, the paper 120 to 960",
     "infer": "its table has the same swarms of Fig. 17, and no aperture of the photodiodes",
 }
 """Reasons why the runs of published tables are others than today's, by experiment."""
