@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,28 @@ def test_names_on_a_page_exist(page):
         module = importlib.import_module(module_name)
         for name in names.split(","):
             assert hasattr(module, name.strip()), name
+
+
+def anchors_of(page):
+    """Return the anchors of a page's headings, as the site makes them."""
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    anchors = set()
+    for heading in headings:
+        ascii_heading = unicodedata.normalize("NFKD", heading).encode("ascii", "ignore").decode()
+        words = re.sub(r"[^\w\s-]", "", ascii_heading).strip().lower()
+        anchors.add(re.sub(r"[-\s]+", "-", words))
+    return anchors
+
+
+@pytest.mark.parametrize("page", [*NAMING, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+def test_links_lead_to_pages_and_their_headings(page):
+    links = re.findall(r"\]\(([\w./-]*\.md)?(?:#([\w.-]+))?\)", page.read_text(encoding="utf-8"))
+    for name, anchor in links:
+        target = page.parent / name if name else page
+        assert target.exists(), name
+        if anchor and target.name != "api.md":
+            assert anchor in anchors_of(target), f"{name}#{anchor}"
 
 
 PROGRAMS = {

@@ -178,7 +178,7 @@ class StaticGripper:
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
     """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see
-    docs/gripper.md."""
+    docs/swarm-grasps.md."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = 0.0
     """Time of an attempt to pick up a ball, charging the tool included [s]; rounded to whole
     control steps."""
