@@ -84,6 +84,25 @@ def recordings(names):
     assert names["lane"].num_rows > 1
 
 
+def calibrate(names):
+    """Check that grasps determine only the difference of the works, and a release the rest."""
+    works = names["works"]
+    assert works["plate - tool"].is_determined
+    assert not works["tool"].is_determined
+    assert not works["plate"].is_determined
+
+    proposal = names["proposal"]
+    assert proposal.prediction.kind == "release"
+    width_before = proposal.before.high - proposal.before.low
+    width_after = proposal.after.high - proposal.after.low
+    assert 0 < width_after < width_before / 4
+
+    # The release that was measured then narrows the work as proposed.
+    measured = names["more"].estimates["work_tool_object"].interval
+    assert measured.high - measured.low < width_before / 4
+    assert names["figure"].axes
+
+
 SHOWN = {
     "00_first_run": first_run,
     "01_batched_rollouts": batched_rollouts,
@@ -91,9 +110,10 @@ SHOWN = {
     "03_gripper": gripper,
     "04_evolution": evolution,
     "05_recordings": recordings,
+    "calibrate": calibrate,
 }
 """Function that checks the names which each notebook defines."""
-FAST = ("00_first_run",)
+FAST = ("00_first_run", "calibrate")
 
 
 def code_cells(path):
@@ -117,7 +137,10 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
     import matplotlib
 
     matplotlib.use("Agg")
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "notebooks"
+    folder.mkdir()
+    (tmp_path / "examples").symlink_to(path.parents[1] / "examples")
+    monkeypatch.chdir(folder)
     if "IPython" in path.read_text(encoding="utf-8"):
         pytest.importorskip("IPython", reason="it shows a picture in Jupyter")
     names: dict = {"__name__": "__main__"}

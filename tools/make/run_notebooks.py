@@ -3,6 +3,7 @@
     python tools/make/run_notebooks.py [NAME ...]     # pip install nbclient ipykernel
 
 Neither stderr nor the times of cells are stored, so that outputs differ only where results do.
+Notebooks run in a new directory, beside which lie the tables of examples/.
 """
 
 import argparse
@@ -19,9 +20,11 @@ def execute(path: Path) -> None:
     """Run a notebook from top to bottom in a new directory, and replace its outputs."""
     notebook = nbformat.read(path, as_version=4)
     with tempfile.TemporaryDirectory() as directory:
-        client = NotebookClient(
-            notebook, timeout=600, record_timing=False, resources={"metadata": {"path": directory}}
-        )
+        (Path(directory) / "examples").symlink_to(FOLDER.parent / "examples")
+        folder = Path(directory) / "notebooks"
+        folder.mkdir()
+        resources = {"metadata": {"path": str(folder)}}
+        client = NotebookClient(notebook, timeout=600, record_timing=False, resources=resources)
         client.execute()
     for cell in notebook.cells:
         if cell.cell_type == "code":
