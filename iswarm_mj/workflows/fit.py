@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj._version import __version__
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.fitting.estimate import Interval
 from iswarm_mj.gripper.fitting.fit import Fit, Prediction
 from iswarm_mj.gripper.fitting.text import (
@@ -19,6 +20,7 @@ from iswarm_mj.gripper.fitting.text import (
     sentences,
 )
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, RELEASE_GAP
+from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.output.results import write_result
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.files import atomic_write
@@ -237,25 +239,10 @@ def predict_by_trials(
         An entry for each radius, humidity, experiment and gap: number of trials and of those with a
         voltage, and the median of the voltages [V].
     """
-    of_bench = {name: value for name, value in grasp_settings(fitted).items() if "." not in name}
-    # Rounded tips have no attempts without contact, and no setting for them.
-    without_contactless: dict[str, Any] = {"no_contact_gap": ()}
-    if "tip_curvature" in of_bench:
-        without_contactless = {}
-
     entries = []
     for radius, humidity in dict.fromkeys((entry.radius, entry.humidity) for entry in predictions):
         gaps = dict.fromkeys(entry.gap for entry in predictions if entry.kind == "release")
-        settings = GraspSettings(
-            radius=(f"{radius:.10g}",),
-            rh=(humidity,),
-            repeats=n_trials,
-            rh_spread=0.0,
-            gap=tuple(gaps),
-            **without_contactless,
-            **of_bench,
-        )
-        rows = run_grasp(settings)
+        rows = run_grasp(trial_settings(fitted, radius, humidity, tuple(gaps), n_trials))
         for kind, gap in [("grasp", 0.0), *(("release", gap) for gap in gaps)]:
             chosen = [row.voltage for row in rows if row.experiment == kind and row.gap == gap]
             voltages = [voltage for voltage in chosen if voltage is not None]
@@ -271,6 +258,41 @@ def predict_by_trials(
                 }
             )
     return entries
+
+
+def trial_settings(
+    fitted: Fit, radius: float, humidity: float, gaps: tuple[float, ...], n_trials: int
+) -> GraspSettings:
+    """Return the settings of trials on the bench with the estimated parameters.
+
+    Args:
+        fitted: the fit.
+        radius: of the balls [m].
+        humidity: relative humidity [%].
+        gaps: gaps to the plate of releases [m].
+        n_trials: number of trials.
+    """
+    groups: dict[str, Any] = {"tool": Surface(), "plate": Surface(), "contacts": Contacts()}
+    of_bench: dict[str, Any] = {}
+    for name, value in grasp_settings(fitted).items():
+        group, dot, field = name.partition(".")
+        if dot:
+            groups[group] = groups[group]._replace(**{field: value})
+        else:
+            of_bench[name] = value
+
+    # Rounded tips have no attempts without contact, and no setting for them.
+    if "tip_curvature" not in of_bench:
+        of_bench["no_contact_gap"] = ()
+    return GraspSettings(
+        radius=(f"{radius:.10g}",),
+        rh=(humidity,),
+        repeats=n_trials,
+        rh_spread=0.0,
+        gap=gaps,
+        **groups,
+        **of_bench,
+    )
 
 
 def trial_text(entry: Mapping[str, Any]) -> str:

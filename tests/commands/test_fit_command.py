@@ -7,8 +7,10 @@ import pytest
 from support.cli import code_of, refused, result
 
 from iswarm_mj.commands.main import parse
+from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
+from iswarm_mj.workflows.fit import trial_settings
 from iswarm_mj.workflows.grasp import TABLE
 
 MINE = """radius [um],humidity [%RH],voltage [V]
@@ -99,6 +101,20 @@ def test_trials_of_the_bench_confirm_predictions(mine, capfd):
         assert trials["with_voltage"] == trials["trials"] == 4
         low, high = prediction["balls_low"], prediction["balls_high"]
         assert low < trials["median"] < high
+
+
+def test_trials_have_the_roughness_and_the_oxide_of_the_fit():
+    table = {
+        "kind": ["grasp", "grasp", "melting", "melting"],
+        "radius [um]": [20, 20, 20, 20],
+        "humidity [%]": [10, 10, 10, 10],
+        "voltage [V]": [24, 26, 50, 51],
+    }
+    fitted = fit(table, hold={"plate_roughness": 2e-9, "tool_roughness": 1e-9})
+    settings = trial_settings(fitted, 20e-6, 10.0, gaps=(5e-6,), n_trials=2)
+    assert settings.plate.roughness == 2e-9
+    assert settings.tool.roughness == 1e-9
+    assert settings.contacts.oxide == pytest.approx(50e-9, rel=0.05)
 
 
 def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
