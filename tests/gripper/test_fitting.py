@@ -15,6 +15,7 @@ from iswarm_mj.gripper.fitting.table import example_table, read_measurements, si
 from iswarm_mj.gripper.fitting.text import sentences
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.utils.errors import UserError
 
 OUTSIDER = {
@@ -121,6 +122,14 @@ def test_loads_are_those_of_the_laws():
     h = float(humidity_factor(70.0))
     force = dmt_pull_off(20e-6, h * works["work_object_substrate"])
     assert middle_of(ROWS["pull_off_plate"]) == pytest.approx(force)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 10e-9])
+def test_forces_of_electrical_gaps_below_the_table_follow_the_asymptotic_law(gap):
+    """Below 1/512 of the radius, 39 nm."""
+    loads = LoadModel(ROWS["grasp"]).loads({**TRUE, "electrical_gap": gap})
+    law = asymptotic_force(1.0, gap, 20e-6)
+    assert loads.per_volt2.item() == pytest.approx(law, rel=0.02)
 
 
 def test_the_spread_of_loads_is_that_of_balls_on_the_bench():

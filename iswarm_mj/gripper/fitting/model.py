@@ -15,7 +15,8 @@ from jaxtyping import Float
 from iswarm_mj.gripper.fitting.table import Measurements
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import ball_weight
-from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
+from iswarm_mj.gripper.laws.probe_table import probe_factor
 from iswarm_mj.gripper.laws.roughness import Surface, roughness_factor
 
 REFERENCE_RADIUS = 20e-6
@@ -109,12 +110,12 @@ class LoadModel:
             rows = self.measurements
             factor = np.ones(len(rows))
             contact = self._in_contact
-            # The spline's range bounds gaps over radii; what lies beyond has its edge's factor.
-            gap = electrical_gap * self._curvature
-            gap = np.clip(gap, rows.radius / 512, 4 * rows.radius)
-            factor[contact] = pick_force(
-                1.0, gap[contact], rows.radius[contact], rows.probe_radius[contact]
-            )
+            # Searches try gaps beyond the shape factor's range, where it has the value of its edge.
+            radius = rows.radius[contact]
+            gap = electrical_gap * self._curvature[contact]
+            gap_ratio = np.clip(gap / radius, 1 / 512, 4)
+            shape = probe_factor("pick", gap_ratio, rows.probe_radius[contact] / radius)
+            factor[contact] = shape * asymptotic_force(1.0, gap, radius)
             distant = rows.kind == "no_contact"
             factor[distant] = pick_force(
                 1.0, rows.gap[distant], rows.radius[distant], rows.probe_radius[distant]
