@@ -166,6 +166,7 @@ def draw_profiles(fitted: Fit, path: Path) -> None:
             middle = maximum.places[index]
             ends = [parameter.place_of(max(end, 1e-30)) for end in (interval.low, interval.high)]
             reach = 1.4 * np.clip([ends[0] - middle, ends[1] - middle], -4, 4)
+            reach = np.where(np.isnan(reach), [-1.4 * 4, 1.4 * 4], reach)  # ends not found
             places = np.linspace(middle + reach[0], middle + reach[1], _N_PROFILE)
             rise = maximum.profile(name, places)
             values = np.array([parameter.value_at(place) for place in places]) / parameter.scale

@@ -2,20 +2,23 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
 
+from iswarm_mj.gripper.fitting import estimate
 from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.gripper.fitting.likelihood import Likelihood
 from iswarm_mj.gripper.fitting.model import LoadModel
 from iswarm_mj.gripper.fitting.parameters import ALWAYS_FREE, PARAMETERS, Model
 from iswarm_mj.gripper.fitting.table import example_table, read_measurements, single_row
-from iswarm_mj.gripper.fitting.text import sentences
+from iswarm_mj.gripper.fitting.text import parameter_lines, sentences
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
+from iswarm_mj.output.plot_fit import draw_profiles
 from iswarm_mj.utils.errors import UserError
 
 OUTSIDER = {
@@ -184,6 +187,23 @@ class TestGraspsAlone:
         assert lows == pytest.approx(law, rel=0.05)
 
 
+def test_ends_that_no_search_finds_are_said_to_be_missing(monkeypatch, tmp_path):
+    grasps = fit(OUTSIDER)
+
+    def lost_search(goal, start, **options):
+        return SimpleNamespace(x=np.full_like(start, estimate.FARTHEST), fun=0.0)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(estimate, "minimize", lost_search)
+        interval = grasps.estimates["work_tool_object"].interval
+        assert not grasps.difference.is_determined
+    assert interval.value > 0
+    assert np.isnan([interval.low, interval.high]).all()
+    assert "not found" in "\n".join(parameter_lines(grasps))
+    assert "The interval of W_tool was not found" in sentences(grasps)[-1]
+    draw_profiles(grasps, tmp_path / "profiles")
+
+
 def test_the_papers_voltages_give_the_calibration():
     fitted = fit(example_table())
     constants = {
@@ -284,9 +304,14 @@ def test_odd_tables_have_a_fit_and_a_sentence(columns, sentence):
     }
     fitted = fit({**table, **columns})
     assert sentence in sentences(fitted)[0]
-    for estimate in fitted.estimates.values():
-        assert 0 < estimate.interval.low <= estimate.interval.value <= estimate.interval.high
-        assert math.isfinite(estimate.interval.high)
+    for of_parameter in fitted.estimates.values():
+        assert (
+            0
+            < of_parameter.interval.low
+            <= of_parameter.interval.value
+            <= of_parameter.interval.high
+        )
+        assert math.isfinite(of_parameter.interval.high)
     assert len(sentences(fitted)) > 2
 
 

@@ -34,7 +34,10 @@ Quantity = Callable[[dict[str, float]], float]
 
 
 class Interval(NamedTuple):
-    """An estimate and its 95 % interval."""
+    """An estimate and its 95 % interval.
+
+    An end that no search found is nan.
+    """
 
     value: float
     low: float
@@ -94,7 +97,8 @@ class Maximum:
         for sign in (-1.0, 1.0):
             end = self._end_of_many_rows(quantity, sign * direction)
             ends.append(self._end(quantity, sign, sign * direction) if end is None else end)
-        return Interval(best, min(ends[0], best), max(ends[1], best))
+        low, high = ends
+        return Interval(best, float(np.minimum(low, best)), float(np.maximum(high, best)))
 
     def _end_of_many_rows(self, quantity: Quantity, direction: np.ndarray) -> float | None:
         """Return the end of an interval by the covariance, where it is as good as a search.
@@ -125,6 +129,9 @@ class Maximum:
             quantity: the quantity.
             sign: -1 for the least value, 1 for the greatest.
             direction: where the quantity changes most for its cost, by the covariance.
+
+        Returns:
+            The end of the interval; nan where no search ends within the cut.
         """
         values = self.likelihood.model.values
         gradient = self.gradient(quantity)
@@ -164,7 +171,7 @@ class Maximum:
                 found = further
             if constraint["fun"](found.x) > -_TOLERANCE and found.fun <= best_goal:
                 return quantity(values(found.x))
-        return sign * np.inf
+        return np.nan
 
     def profile(self, name: str, places: np.ndarray) -> np.ndarray:
         """Return twice the rise of the objective with one parameter fixed.

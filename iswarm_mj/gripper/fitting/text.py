@@ -25,7 +25,9 @@ _NOUNS = {
 
 
 def number(value: float) -> str:
-    """Return a number with three digits."""
+    """Return a number with three digits, or "not found" for nan."""
+    if math.isnan(value):
+        return "not found"
     if not math.isfinite(value) or value == 0:
         return f"{value:g}"
     digits = max(0, 2 - math.floor(math.log10(abs(value))))
@@ -210,10 +212,13 @@ def _on_shape(fitted: Fit) -> list[str]:
 def _on_proposal(fitted: Fit) -> str:
     """Return which measurement would help most."""
     proposal = fitted.proposal
-    is_narrower = _width(proposal.after) < _HELPS * _width(proposal.before)
-    if not is_narrower:
-        return "No further measurement of one ball would narrow an interval by a tenth."
     parameter = fitted.model.parameters[proposal.target]
+    width_before = _width(proposal.before)
+    width_after = _width(proposal.after)
+    if not (math.isfinite(width_before) and math.isfinite(width_after)):
+        return f"The interval of {parameter.symbol} was not found, nor what would narrow it."
+    if width_after >= _HELPS * width_before:
+        return "No further measurement of one ball would narrow an interval by a tenth."
     now = range_text(proposal.before, parameter.scale, parameter.unit)
     then = range_text(proposal.after, parameter.scale, parameter.unit)
     scale, unit = unit_of(proposal.prediction.kind)
