@@ -106,6 +106,10 @@ def _draw_group(panel: Axes, fitted: Fit, group: _Group, colour: str, *, with_ba
     if not is_radius:
         places = np.union1d(places, [10.0]) if lowest < 10 < highest else places
 
+    # Margins may exceed the range of the laws.
+    radii = places if is_radius else np.full(len(places), group.fixed)
+    places = places[[fitted.has_laws(group.kind, radius, group.gap) for radius in radii.tolist()]]
+
     predictions = []
     for place in places.tolist():
         radius, humidity = (place, group.fixed) if is_radius else (group.fixed, place)

@@ -13,12 +13,12 @@ from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.gripper.fitting.likelihood import Likelihood
 from iswarm_mj.gripper.fitting.model import LoadModel
 from iswarm_mj.gripper.fitting.parameters import ALWAYS_FREE, PARAMETERS, Model
-from iswarm_mj.gripper.fitting.table import example_table, read_measurements, single_row
+from iswarm_mj.gripper.fitting.table import KINDS, example_table, read_measurements, single_row
 from iswarm_mj.gripper.fitting.text import parameter_lines, sentences
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
-from iswarm_mj.output.plot_fit import draw_profiles
+from iswarm_mj.output.plot_fit import draw_data, draw_profiles
 from iswarm_mj.utils.errors import UserError
 
 OUTSIDER = {
@@ -185,6 +185,26 @@ class TestGraspsAlone:
         works = fitted.estimates["work_tool_object"].interval.low * np.array([1, 10 / 7, 12 / 7])
         law = [float(detachment.release_voltage(20e-6, work)) for work in works]
         assert lows == pytest.approx(law, rel=0.05)
+
+
+def test_measurements_beyond_the_laws_are_neither_proposed_nor_drawn(tmp_path):
+    """A release across four radii of one ball is not possible for a smaller one."""
+    table = {
+        "kind": ["release", "release", "grasp", "grasp"],
+        "radius [um]": [12, 12, 6, 6],
+        "humidity [%]": [10, 10, 10, 40],
+        "gap [um]": [48, 48, "", ""],
+        "voltage [V]": [300, 310, 24, 26],
+    }
+    fitted = fit(table)
+    assert fitted.has_laws("release", 12e-6, 48e-6)
+    assert not fitted.has_laws("release", 6e-6, 48e-6)
+    assert fitted.proposal.prediction.kind in KINDS
+    draw_data(fitted, tmp_path / "data")
+
+    wide = fit({**table, "probe_radius [um]": [75, 13, 13, 13], "gap [um]": [5, 5, "", ""]})
+    assert not wide.has_laws("grasp", 6e-6, 5e-6)
+    assert wide.proposal.prediction.radius == pytest.approx(12e-6)
 
 
 def test_ends_that_no_search_finds_are_said_to_be_missing(monkeypatch, tmp_path):
@@ -413,6 +433,10 @@ BAD = {
     "order": (HEAD + GOOD + "grasp,15,10,30-20\n", "the least voltage must not exceed"),
     "no gap": (HEAD + GOOD + "no contact,15,10,50\n", "needs its gap to the tool"),
     "force": (HEAD + GOOD + "pull off,15,10,50\n", "pull_off_tool needs a force, not a voltage"),
+    "tool": (
+        "radius [um],rh [%],voltage [V],probe_radius [um]\n" + "15,10,24,13\n2,10,24,20\n",
+        "line 3: the radius of the tool must be between 0.015625 and 8 times that of the ball",
+    ),
     "missing": (HEAD + GOOD + "grasp,,10,24\n", "line 3: the radius of the ball is missing"),
 }
 

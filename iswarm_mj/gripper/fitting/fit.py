@@ -25,8 +25,12 @@ from iswarm_mj.gripper.fitting.parameters import (
     known_parameter,
 )
 from iswarm_mj.gripper.fitting.table import (
+    ACROSS_GAPS,
+    ELECTRICAL,
     FORCES,
     KINDS,
+    MAX_GAP_RATIO,
+    PROBE_RATIOS,
     Measurements,
     like_first,
     read_measurements,
@@ -189,6 +193,19 @@ class Fit:
             balls_high=at(self.values, NORMAL_95),
         )
 
+    def has_laws(self, kind: str, radius: float, gap: float) -> bool:
+        """Return whether the laws hold for a measurement with the tip of the table's first row.
+
+        Args:
+            kind: of the measurement.
+            radius: of the ball [m].
+            gap: to the plate in a release, to the tool without contact [m].
+        """
+        if kind in ACROSS_GAPS and gap > MAX_GAP_RATIO * radius:
+            return False
+        probe_ratio = self.measurements.probe_radius[0].item() / radius
+        return kind not in ELECTRICAL or PROBE_RATIOS.allows(probe_ratio)
+
     @cached_property
     def proposal(self) -> Proposal:
         """The next measurement that would help most, of one ball.
@@ -248,6 +265,8 @@ class Fit:
         for kind, gap in kinds.items():
             for humidity in humidities:
                 for radius in radii:
+                    if not self.has_laws(kind, radius, gap):
+                        continue
                     row = like_first(rows, single_row(kind, radius, humidity, gap))
                     if kind in FORCES or self._melts_nothing(row):
                         candidates.append(row)

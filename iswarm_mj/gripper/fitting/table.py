@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.gripper.laws import materials
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, RELEASE_GAP
+from iswarm_mj.gripper.laws.probe_table import GAP_EXPONENTS, PROBE_EXPONENTS
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import read_text
@@ -26,6 +27,14 @@ force that separates ball and tool, or ball and plate; voltage that melts a ball
 """
 FORCES = ("pull_off_tool", "pull_off_plate")
 """Kinds that are forces."""
+ELECTRICAL = ("grasp", "release", "no_contact")
+"""Kinds in which an electrical force moves the ball."""
+ACROSS_GAPS = ("release", "no_contact")
+"""Kinds that depend on a gap of the row."""
+MAX_GAP_RATIO = 2.0 ** GAP_EXPONENTS[-1].item()
+"""Largest gap over the radius of the ball for which the laws hold."""
+PROBE_RATIOS = Within(2.0 ** PROBE_EXPONENTS[0].item(), 2.0 ** PROBE_EXPONENTS[-1].item())
+"""Radii of the tool over that of the ball for which the laws hold."""
 MAX_ROWS = 100_000
 """Largest number of rows that is read."""
 _KIND_WORDS = {
@@ -403,8 +412,15 @@ class _Reader:
                 line, "a lift without contact needs its gap to the tool; add a column `gap [um]`"
             )
         gap = row.setdefault("gap", RELEASE_GAP)
-        if kind in ("release", "no_contact") and gap > 4 * row["radius"]:
-            raise self._error(line, "the gap must be at most 4 times the radius")
+        if kind in ACROSS_GAPS and gap > MAX_GAP_RATIO * row["radius"]:
+            raise self._error(line, f"the gap must be at most {MAX_GAP_RATIO:g} times the radius")
+        probe_ratio = row.get("probe_radius", PROBE_RADIUS) / row["radius"]
+        if kind in ELECTRICAL and not PROBE_RATIOS.allows(probe_ratio):
+            raise self._error(
+                line,
+                f"the radius of the tool must be {PROBE_RATIOS} times that of the ball "
+                f"(got {probe_ratio:.3g}), since the laws hold there",
+            )
         repeats = row.setdefault("repeats", 1.0)
         if repeats != int(repeats):
             raise self._error(line, f"repeats must be a whole number (got {repeats:g})")
