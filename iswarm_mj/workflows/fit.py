@@ -11,7 +11,7 @@ import numpy as np
 from iswarm_mj._version import __version__
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.fitting.estimate import Interval
-from iswarm_mj.gripper.fitting.fit import Fit, Prediction
+from iswarm_mj.gripper.fitting.fit import Fit, Prediction, Proposal
 from iswarm_mj.gripper.fitting.text import (
     parameter_lines,
     place_text,
@@ -185,7 +185,6 @@ def result_of(
         {"information": value, **dict(zip(free, vector, strict=True))}
         for value, vector in zip(eigenvalues.tolist(), vectors.T.tolist(), strict=True)
     ]
-    proposal = fitted.proposal
     return {
         "version": __version__,
         "fit": {
@@ -201,12 +200,7 @@ def result_of(
             "residuals": [None if np.isnan(z) else z.item() for z in fitted.residuals],
             "predictions": [_prediction_entry(prediction) for prediction in predictions],
             "trials": list(trials),
-            "proposal": {
-                **_prediction_entry(proposal.prediction),
-                "target": proposal.target,
-                "before": _interval_entry(proposal.before),
-                "after": _interval_entry(proposal.after),
-            },
+            "proposal": _proposal_entry(fitted.proposal),
             "statements": list(statements),
         },
     }
@@ -223,6 +217,18 @@ def _interval_entry(interval: Interval) -> dict[str, float | None]:
 def _prediction_entry(prediction: Prediction) -> dict[str, Any]:
     """Return a prediction for JSON."""
     return {**prediction._asdict(), "median": _interval_entry(prediction.median)}
+
+
+def _proposal_entry(proposal: Proposal | None) -> dict[str, Any] | None:
+    """Return a proposal for JSON."""
+    if proposal is None:
+        return None
+    return {
+        **_prediction_entry(proposal.prediction),
+        "target": proposal.target,
+        "before": _interval_entry(proposal.before),
+        "after": _interval_entry(proposal.after),
+    }
 
 
 def predict_by_trials(

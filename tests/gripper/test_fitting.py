@@ -13,7 +13,13 @@ from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.gripper.fitting.likelihood import Likelihood
 from iswarm_mj.gripper.fitting.model import LoadModel
 from iswarm_mj.gripper.fitting.parameters import ALWAYS_FREE, PARAMETERS, Model
-from iswarm_mj.gripper.fitting.table import KINDS, example_table, read_measurements, single_row
+from iswarm_mj.gripper.fitting.table import (
+    FORCES,
+    KINDS,
+    example_table,
+    read_measurements,
+    single_row,
+)
 from iswarm_mj.gripper.fitting.text import parameter_lines, sentences
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
@@ -205,6 +211,27 @@ def test_measurements_beyond_the_laws_are_neither_proposed_nor_drawn(tmp_path):
     wide = fit({**table, "probe_radius [um]": [75, 13, 13, 13], "gap [um]": [5, 5, "", ""]})
     assert not wide.has_laws("grasp", 6e-6, 5e-6)
     assert wide.proposal.prediction.radius == pytest.approx(12e-6)
+
+
+def test_nothing_is_proposed_where_weight_alone_moves_all_balls():
+    table = {
+        "kind": ["release", "release", "melting"],
+        "radius [um]": [100, 100, 100],
+        "humidity [%]": [10, 10, 10],
+        "voltage [V]": ["<1", "<1", 20],
+    }
+    works = {"work_tool_object": 1e-6, "work_object_substrate": 1e-6, "breakdown_voltage": 1.0}
+    fitted = fit(table, hold=works)
+    assert fitted.proposal is None
+    assert sentences(fitted)[-1].startswith("No measurement is proposed")
+
+
+def test_voltages_are_proposed_before_forces():
+    fitted = fit(table_of_forces())
+    ranked = sorted(fitted._candidates(), key=fitted._rank)
+    is_force = [row.kind.item() in FORCES for row in ranked]
+    assert is_force == sorted(is_force)
+    assert {True, False} == set(is_force)
 
 
 def test_ends_that_no_search_finds_are_said_to_be_missing(monkeypatch, tmp_path):

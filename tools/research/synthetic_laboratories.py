@@ -140,6 +140,7 @@ def judge(seed: int) -> Verdict:
         covered[f"release at {humidity:g} % RH"] = contains(interval, voltage)
 
     proposal = fitted.proposal
+    assert proposal is not None, "works of laboratories need voltages"
     proposed = proposal.prediction
     with_any_supply = lab._replace(limit=math.inf)
     row = with_any_supply.measure(

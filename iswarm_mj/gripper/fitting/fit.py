@@ -48,6 +48,8 @@ NO_CONTACT_GAP = 1e-6
 """Gap of a lift without contact that is proposed [m]."""
 _EQUAL_SCORES = 0.05
 """Difference of the summed logarithms of widths up to which measurements are equally good."""
+_EQUAL_VALUES = 0.05
+"""Relative difference up to which expected voltages or forces are equally low."""
 _HALF = 0.5
 """Share of the prior's width below which an estimate is informed by the data."""
 
@@ -207,12 +209,17 @@ class Fit:
         return kind not in ELECTRICAL or PROBE_RATIOS.allows(probe_ratio)
 
     @cached_property
-    def proposal(self) -> Proposal:
+    def proposal(self) -> Proposal | None:
         """The next measurement that would help most, of one ball.
 
         It is the one that narrows the parameters most, apart from spreads, by its information at
         the estimate. The interval that it would leave is that of a fit which has it.
+        None where all balls would move without a voltage, or melt.
         """
+        candidates = sorted(self._candidates(), key=self._rank)
+        if not candidates:
+            return None
+
         names = [name for name in self.model.free if not name.startswith("spread")]
         names = names or list(self.model.free)
         indices = [self.model.free.index(name) for name in names]
@@ -224,10 +231,7 @@ class Fit:
             information = likelihood.information(self.maximum.places)
             return np.sqrt(np.diag(np.linalg.inv(precision + information)))[indices]
 
-        # Of about equally good ones the first with a low value, to 5 %: the supply may end there.
-        candidates = sorted(
-            self._candidates(), key=lambda row: round(20 * np.log(self._expected_value(row)))
-        )
+        # The first of about equally good ones.
         after = [deviations(row) for row in candidates]
         scores = np.array([np.sum(np.log(widths)) for widths in after])
         best = int(np.argmax(scores < scores.min() + _EQUAL_SCORES))
@@ -270,10 +274,15 @@ class Fit:
                     row = like_first(rows, single_row(kind, radius, humidity, gap))
                     if kind in FORCES or self._melts_nothing(row):
                         candidates.append(row)
-        if not candidates:
-            radius = np.median(rows.radius).item()
-            candidates = [like_first(rows, single_row("release", radius, rows.humidity[0].item()))]
         return candidates
+
+    def _rank(self, row: Measurements) -> tuple[bool, int]:
+        """Return the place of a candidate among equally good ones.
+
+        Voltages come before forces, and low values first: the supply may end there.
+        """
+        is_force = row.kind.item() in FORCES
+        return is_force, round(np.log(self._expected_value(row)) / _EQUAL_VALUES)
 
     def _expected_value(self, row: Measurements) -> float:
         """Return the voltage or the force that a row would show."""

@@ -212,6 +212,8 @@ def _on_shape(fitted: Fit) -> list[str]:
 def _on_proposal(fitted: Fit) -> str:
     """Return which measurement would help most."""
     proposal = fitted.proposal
+    if proposal is None:
+        return "No measurement is proposed: balls would move without a voltage, or melt."
     parameter = fitted.model.parameters[proposal.target]
     width_before = _width(proposal.before)
     width_after = _width(proposal.after)
