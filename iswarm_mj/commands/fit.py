@@ -54,7 +54,7 @@ class Fit:
         fitted = fit(
             table,
             units=dict(_pair("units", text) for text in self.units),
-            free=self.free,
+            free=[name.replace("-", "_") for name in self.free],
             hold={name: _number("hold", text) for name, text in self._pairs("hold")},
             priors={name: _prior(text) for name, text in self._pairs("prior")},
         )

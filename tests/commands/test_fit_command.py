@@ -117,6 +117,12 @@ def test_trials_have_the_roughness_and_the_oxide_of_the_fit():
     assert settings.contacts.oxide == pytest.approx(50e-9, rel=0.05)
 
 
+def test_free_parameters_may_have_hyphens(mine):
+    few = ["--radius", "20e-6", "--rh", "10", "--out", "out"]
+    assert code_of("fit", mine.name, "--free", "humidity-doubling", *few) == 0
+    assert result("out")["fit"]["parameters"]["humidity_doubling"]["is_estimated"]
+
+
 def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
     header, *rows = MINE.splitlines()
     lines = [f"{header},tip_curvature [um]", *(f"{row},30" for row in rows)]

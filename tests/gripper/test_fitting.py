@@ -362,6 +362,11 @@ def test_odd_tables_have_a_fit_and_a_sentence(columns, sentence):
     assert len(sentences(fitted)) > 2
 
 
+def test_parameters_that_are_named_twice_are_free_once():
+    model = Model().with_free("electrical_gap", "electrical_gap", "work_tool_object")
+    assert model.free == (*ALWAYS_FREE, "electrical_gap")
+
+
 def test_bounds_move_the_estimate():
     """A ball that is not lifted up to 50 V sticks more than the others."""
     table = {**OUTSIDER, "voltage [V]": [24, 27, 31, 33, ">50"]}

@@ -184,8 +184,8 @@ class Model:
         return values
 
     def with_free(self, *names: str) -> "Model":
-        """Return the model in which further parameters are estimated."""
-        return replace(self, free=(*self.free, *(name for name in names if name not in self.free)))
+        """Return the model in which further parameters are estimated, each once."""
+        return replace(self, free=tuple(dict.fromkeys((*self.free, *names))))
 
     def with_prior(self, name: str, median: float, factor: float) -> "Model":
         """Return the model with another prior.
