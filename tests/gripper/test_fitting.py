@@ -234,6 +234,14 @@ def test_voltages_are_proposed_before_forces():
     assert {True, False} == set(is_force)
 
 
+def test_rounded_tips_have_no_lifts_without_contact():
+    fitted = fit({**OUTSIDER, "tip_curvature [um]": [20] * 5})
+    kinds = {row.kind.item() for row in fitted._candidates()}
+    assert kinds == {"grasp", "release"}
+    with pytest.raises(UserError, match=r"kind must be another than no_contact with a rounded tip"):
+        fitted.predict("no_contact", gap=1e-6)
+
+
 def test_ends_that_no_search_finds_are_said_to_be_missing(monkeypatch, tmp_path):
     grasps = fit(OUTSIDER)
 
@@ -468,6 +476,11 @@ BAD = {
     "tool": (
         "radius [um],rh [%],voltage [V],probe_radius [um]\n" + "15,10,24,13\n2,10,24,20\n",
         "line 3: the radius of the tool must be between 0.015625 and 8 times that of the ball",
+    ),
+    "rounded": (
+        "kind,radius [um],rh [%],voltage [V],gap [um],tip_curvature [um]\n"
+        "grasp,15,10,24,,30\nno contact,15,10,50,1,30\n",
+        "line 3: there are no laws for rounded tips without contact",
     ),
     "missing": (HEAD + GOOD + "grasp,,10,24\n", "line 3: the radius of the ball is missing"),
 }

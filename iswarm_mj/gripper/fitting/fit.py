@@ -172,6 +172,8 @@ class Fit:
             ConfigError: there is no such kind, or a number is out of range.
         """
         check("kind", kind, f"one of {', '.join(KINDS)}", kind in KINDS)
+        if kind == "no_contact" and self._has_rounded_tip:
+            raise ConfigError("kind", kind, "another than no_contact with a rounded tip")
         check("radius", radius, "between 2e-6 and 100e-6 m", 2e-6 <= radius <= 100e-6)
         check("humidity", humidity, "between 0 and 100 %", 0 <= humidity <= 100)
         is_near = 0.5e-6 <= gap <= min(50e-6, 4 * radius)
@@ -205,8 +207,15 @@ class Fit:
         """
         if kind in ACROSS_GAPS and gap > MAX_GAP_RATIO * radius:
             return False
+        if kind == "no_contact" and self._has_rounded_tip:
+            return False
         probe_ratio = self.measurements.probe_radius[0].item() / radius
         return kind not in ELECTRICAL or PROBE_RATIOS.allows(probe_ratio)
+
+    @property
+    def _has_rounded_tip(self) -> bool:
+        """Whether the tip of the table's first row is rounded."""
+        return bool(np.isfinite(self.measurements.tip_curvature[0]))
 
     @cached_property
     def proposal(self) -> Proposal | None:

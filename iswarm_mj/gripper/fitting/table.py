@@ -411,6 +411,12 @@ class _Reader:
             raise self._error(
                 line, "a lift without contact needs its gap to the tool; add a column `gap [um]`"
             )
+        if kind == "no_contact" and "tip_curvature" in row:
+            raise self._error(
+                line,
+                "there are no laws for rounded tips without contact; leave out the row, or its "
+                "tip_curvature if the tip is flat",
+            )
         gap = row.setdefault("gap", RELEASE_GAP)
         if kind in ACROSS_GAPS and gap > MAX_GAP_RATIO * row["radius"]:
             raise self._error(line, f"the gap must be at most {MAX_GAP_RATIO:g} times the radius")
