@@ -19,7 +19,12 @@ from iswarm_mj.gripper.fitting.text import (
     residual_lines,
     sentences,
 )
-from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, RELEASE_GAP
+from iswarm_mj.gripper.laws.detachment import (
+    BALL_DENSITY,
+    CONTACT_GAP,
+    PROBE_RADIUS,
+    RELEASE_GAP,
+)
 from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.output.results import write_result
 from iswarm_mj.utils.directory_lock import locked
@@ -38,6 +43,15 @@ _SHARED = (
     "humidity_fall",
 )
 """Parameters that the bench and the swarm have as settings."""
+_OF_SWARMS = {
+    "electrical_gap": CONTACT_GAP,
+    "probe_radius": PROBE_RADIUS,
+    "tip_curvature": np.inf,
+    "ball_density": BALL_DENSITY,
+    "tool.roughness": 0.0,
+    "plate.roughness": 0.0,
+}
+"""Settings of the bench by name, and what they are in swarms, which cannot set them. SI units."""
 _BREAKDOWN_FIELD = 1e9
 """Field at which the tool's oxide breaks down, by default [V/m]."""
 
@@ -88,6 +102,7 @@ def run_fit(fitted: Fit, places: Places, n_trials: int, out: Path, source: str) 
         prediction_lines(predictions),
         [trial_text(entry) for entry in trials],
         statements,
+        swarm_warnings(fitted),
         [f"settings {out / SETTINGS_FILE}, figures {out / 'fit_data.png'}, fit_profiles.png"],
     ]
     print("\n\n".join("\n".join(block) for block in blocks if block))
@@ -124,6 +139,22 @@ def grasp_settings(fitted: Fit) -> dict[str, Any]:
     return settings
 
 
+def swarm_warnings(fitted: Fit) -> list[str]:
+    """Return why works of the fit mean other voltages in a swarm, in one sentence or none."""
+    settings = grasp_settings(fitted)
+    differences = [
+        f"{name} {settings[name]:.4g} (swarms: {of_swarms:g})"
+        for name, of_swarms in _OF_SWARMS.items()
+        if name in settings and settings[name] != of_swarms
+    ]
+    if not differences:
+        return []
+    return [
+        f"Warning: [gripper] holds works of a fit with {', '.join(differences)}; swarms that take "
+        "them need other voltages than your table."
+    ]
+
+
 def settings_text(fitted: Fit, source: str) -> str:
     """Return fit.toml: tables for the bench and for swarms, with what is not determined."""
     lines = [
@@ -133,6 +164,7 @@ def settings_text(fitted: Fit, source: str) -> str:
         "[grasp]",
         *_assignments(fitted, grasp_settings(fitted)),
         "",
+        *(f"# {warning}" for warning in swarm_warnings(fitted)),
         "[gripper]",
         *_assignments(fitted, {name: fitted.values[name] for name in _SHARED}),
     ]

@@ -10,7 +10,7 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
-from iswarm_mj.workflows.fit import trial_settings
+from iswarm_mj.workflows.fit import settings_text, swarm_warnings, trial_settings
 from iswarm_mj.workflows.grasp import TABLE
 
 MINE = """radius [um],humidity [%RH],voltage [V]
@@ -121,6 +121,16 @@ def test_free_parameters_may_have_hyphens(mine):
     few = ["--radius", "20e-6", "--rh", "10", "--out", "out"]
     assert code_of("fit", mine.name, "--free", "humidity-doubling", *few) == 0
     assert result("out")["fit"]["parameters"]["humidity_doubling"]["is_estimated"]
+
+
+def test_works_that_mean_other_voltages_in_swarms_have_a_warning(mine):
+    fitted = fit(mine, hold={"electrical_gap": 1e-7, "plate_roughness": 2e-9})
+    (warning,) = swarm_warnings(fitted)
+    assert "electrical_gap 1e-07 (swarms: 2e-07), plate.roughness 2e-09 (swarms: 0)" in warning
+    assert f"# {warning}\n[gripper]" in settings_text(fitted, "mine.csv")
+
+    # The swarm's own gap, tip and balls.
+    assert swarm_warnings(fit(mine)) == []
 
 
 def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
