@@ -226,6 +226,14 @@ def test_nothing_is_proposed_where_weight_alone_moves_all_balls():
     assert sentences(fitted)[-1].startswith("No measurement is proposed")
 
 
+def test_an_expected_voltage_of_0_has_an_interval():
+    """Balls that adhesion lifts most of the time, though not always."""
+    fitted = fit({**OUTSIDER, "voltage [V]": ["<2", "<3", "<2", "<2", 3]})
+    median = fitted.predict("grasp").median
+    assert (median.low, median.value) == (0, 0)
+    assert 0 < median.high < 10
+
+
 def test_voltages_are_proposed_before_forces():
     fitted = fit(table_of_forces())
     ranked = sorted(fitted._candidates(), key=fitted._rank)

@@ -181,20 +181,27 @@ class Fit:
         row = like_first(self.measurements, single_row(kind, radius, humidity, gap))
         load_model = LoadModel(row)
 
-        def at(values: Mapping[str, float], deviations: float = 0.0) -> float:
+        def load_at(values: Mapping[str, float], deviations: float = 0.0) -> float:
+            """Return a force [N], or the square of a voltage [V^2]; below 0 where none is needed."""
             loads = load_model.loads(values)
-            return float(
-                load_model.value_of(loads.mean + deviations * loads.deviation, loads).item()
-            )
+            load = loads.mean + deviations * loads.deviation
+            return (load / loads.per_volt2).item()
 
+        def value_of(load: float) -> float:
+            """Return the force or the voltage, 0 where none is needed."""
+            needed = np.maximum(load, 0.0)
+            return float(needed if kind in FORCES else np.sqrt(needed))
+
+        # The interval is that of the load: a voltage of 0 has no derivatives.
+        ends_of_load = self.maximum.interval(load_at)
         return Prediction(
             kind,
             radius,
             humidity,
             gap,
-            median=self.maximum.interval(at),
-            balls_low=at(self.values, -NORMAL_95),
-            balls_high=at(self.values, NORMAL_95),
+            median=Interval(*(value_of(load) for load in ends_of_load)),
+            balls_low=value_of(load_at(self.values, -NORMAL_95)),
+            balls_high=value_of(load_at(self.values, NORMAL_95)),
         )
 
     def has_laws(self, kind: str, radius: float, gap: float) -> bool:
