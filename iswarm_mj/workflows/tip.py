@@ -354,6 +354,12 @@ def _tolerance_lines(settings: TipSettings, design: Design) -> list[tuple[str, s
 def _warnings(settings: TipSettings, design: Design) -> list[str]:
     """Return sentences on what a user should not overlook."""
     warnings = []
+    height = design.profile.height
+    if settings.optimise and height > settings.limits.height:
+        warnings.append(
+            f"the search found no profile within the height of {settings.limits.height * _UM:g} um: "
+            f"this one is {height * _UM:.3g} um high; raise `limits.height` or `generations`"
+        )
     beyond = [text for text in settings.grasp.beyond_the_fit if not text.startswith("rh ")]
     if beyond:
         text = ", ".join(beyond)

@@ -7,8 +7,9 @@ import pytest
 import trimesh
 from support.cli import code_of, refused, result
 
+from iswarm_mj.gripper.tips.search import Limits
 from iswarm_mj.gripper.tips.shapes import read_profile
-from iswarm_mj.workflows.tip import design_tip
+from iswarm_mj.workflows.tip import design_tip, summary
 from iswarm_mj.workflows.tip_settings import TipSettings
 
 ONE_BALL = ["--radius=20e-6", "--out=out"]
@@ -110,6 +111,15 @@ def test_a_search_writes_its_history_and_repeats(here):
 
     assert code_of("tip", "--config=out/result.json", "--workers=1", "--out=again") == 0
     assert json.dumps(result("again")["rows"]) == json.dumps(content["rows"])
+
+
+def test_a_search_that_finds_no_profile_within_the_height_warns():
+    limits = Limits(height=0.5e-6)
+    settings = TipSettings(
+        radius=("20e-6",), optimise=True, limits=limits, generations=1, population=4, workers=1
+    )
+    warnings = [text for name, text in summary(settings, design_tip(settings)) if name == "warning"]
+    assert "no profile within the height of 0.5 um" in warnings[0]
 
 
 def test_the_bench_takes_the_works_of_a_tip(here):

@@ -113,14 +113,41 @@ def test_all_profiles_of_the_search_keep_the_limits_of_manufacture(limits):
         assert np.abs(jumps).max() < 1e-9
 
 
-def test_a_profile_beyond_the_limits_costs_more_than_any_voltage_within():
-    limits = Limits(height=0.5e-6)
-    tall = next(
-        numbers
-        for numbers in np.random.default_rng(0).uniform(0, 1, (50, 2 * limits.arcs))
-        if profile_of(numbers, limits).height > 1e-6
-    )
-    assert cost_of(tuple(tall), (USUAL,), 5e-6, limits).cost > 150
+def test_a_profile_that_ends_a_nanometre_before_the_greatest_radius_stays_within_it():
+    limits = Limits(arcs=2)
+    first_length = limits.radius - limits.curvature_radius - 1e-9
+    length_number = math.log(first_length / 0.3e-6) / math.log(12 / 0.3)
+    profile = profile_of(np.array([0.5, 0.5, length_number, 1.0]), limits)
+    assert profile.radius == pytest.approx(limits.radius - 1e-9, rel=1e-9)
+
+
+LEVEL = (0.5,) * 10
+"""Numbers of a level profile, with a rounded edge of 2 um."""
+RISING = (0.6,) * 10
+"""Numbers of a profile that rises."""
+
+
+@pytest.mark.parametrize("share", [0.5, 0.999])
+def test_a_profile_above_the_greatest_height_costs_more_than_any_within(share):
+    height = profile_of(np.array(RISING), Limits()).height
+    weak = USUAL._replace(
+        work_tool=1e-6
+    )  # which costs 200 V for each time 8 that the hold is short
+    makeable = cost_of(LEVEL, (weak,), 5e-6, Limits())
+    assert makeable.cost > 2000
+    too_high = cost_of(RISING, (USUAL,), 5e-6, Limits(height=share * height))
+    assert too_high.cost > makeable.cost
+
+
+def test_a_tip_that_never_releases_costs_less_than_one_that_cannot_be_made(monkeypatch):
+    def endless(forces, conditions):
+        voltages = voltages_of(forces, conditions)
+        return voltages._replace(release=math.inf, release_field=math.inf)
+
+    monkeypatch.setattr("iswarm_mj.gripper.tips.search.voltages_of", endless)
+    candidate = cost_of(LEVEL, (USUAL,), 5e-6, Limits())
+    assert candidate.voltage == math.inf
+    assert candidate.cost < cost_of(RISING, (USUAL,), 5e-6, Limits(height=0.5e-6)).cost < math.inf
 
 
 def test_a_search_for_misplaced_balls_counts_their_voltages_too():

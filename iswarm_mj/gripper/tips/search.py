@@ -2,9 +2,9 @@
 
 A profile is a chain of arcs from the axis, described by numbers from 0 to 1: the heading at the end
 of each arc and the arc's length. Arcs that turn more sharply than the least radius of curvature are
-lengthened; the chain ends in an arc of that radius that turns it up into the wall, where it reaches
-the greatest radius. So all profiles keep both limits. The height, the field and the hold of the ball
-are kept by penalties.
+lengthened; the chain ends in an arc of that radius that turns it up into the wall, at the greatest
+radius or within it. So all profiles keep both limits. Profiles above the greatest height cost more
+than any other. The field and the hold of the ball are kept by penalties.
 """
 
 import math
@@ -32,6 +32,10 @@ _SHORTEST, _LONGEST = 0.3e-6, 12e-6
 """Lengths of arcs, before they are lengthened [m]."""
 _PENALTY = 200.0
 """Voltage that an excess over a limit by its own size costs [V]."""
+_MOST_VOLTAGE = 2000.0
+"""Voltage above which no further volt costs anything [V]."""
+_TOO_HIGH = 1e6
+"""Cost from which profiles above the greatest height begin, and at which that of others ends [V]."""
 _SIGMA = 0.25
 """Standard deviation of the first generation, as a share of the ranges."""
 
@@ -70,7 +74,7 @@ class Candidate(NamedTuple):
     numbers: tuple[float, ...]
     """Headings and lengths of its arcs, 0 to 1."""
     cost: float
-    """Highest voltage, plus penalties [V]."""
+    """Highest voltage, plus penalties; above `_TOO_HIGH` if the profile cannot be made [V]."""
     voltage: float
     """Highest of the voltages of grasp and release of all balls [V]."""
 
@@ -93,10 +97,13 @@ def profile_of(numbers: Float[np.ndarray, "2k"], limits: Limits) -> Profile:
     for end_heading, given_length in zip(headings, lengths, strict=True):
         turn = end_heading - heading
         length = max(given_length, abs(turn) * edge)
-        piece, is_last = _cut_at_edge(r, heading, length, turn / length, limits)
-        pieces.append(piece)
-        r += _advance(heading, *piece)
-        heading += piece[0] * piece[1]
+        curvature = turn / length
+        room = _room_for(r, heading, length, curvature, limits)
+        is_last = room < length
+        if room > 0:
+            pieces.append((room, curvature))
+            r += _advance(heading, room, curvature)
+            heading += room * curvature
         if is_last:
             break
 
@@ -111,10 +118,11 @@ def _advance(heading: float, length: Any, curvature: float) -> Any:
     return length * np.sinc(half_turn / np.pi) * np.cos(heading + half_turn)
 
 
-def _cut_at_edge(
-    r: float, heading: float, length: float, curvature: float, limits: Limits
-) -> tuple[tuple[float, float], bool]:
-    """Return an arc, shortened where the final arc into the wall would pass the greatest radius."""
+def _room_for(r: float, heading: float, length: float, curvature: float, limits: Limits) -> float:
+    """Return the length of an arc at which the final arc still ends within the greatest radius.
+
+    It is the whole length if all of it fits, and 0 if next to nothing does.
+    """
     way = np.linspace(0, length, 400)
     end_heading = heading + curvature * way
     final_advance = limits.curvature_radius * (1 - np.sin(end_heading))
@@ -122,8 +130,8 @@ def _cut_at_edge(
     is_beyond = reach > limits.radius
     is_beyond[0] = False
     if not is_beyond.any():
-        return (length, curvature), False
-    return (float(way[int(is_beyond.argmax()) - 1]) or float(way[1]), curvature), True
+        return length
+    return float(way[int(is_beyond.argmax()) - 1])
 
 
 def cost_of(
@@ -138,11 +146,10 @@ def cost_of(
         limits: of manufacture and use.
     """
     profile = profile_of(np.array(numbers), limits)
-    excess = max(0.0, profile.height / limits.height - 1)
-    excess += max(0.0, profile.radius / limits.radius - 1)
-    if excess > 0.2:  # a profile that cannot be made needs no forces
-        return Candidate(numbers, _PENALTY * (1 + excess), math.inf)
+    if profile.height > limits.height:  # it cannot be made, and needs no forces
+        return Candidate(numbers, _TOO_HIGH * profile.height / limits.height, math.inf)
 
+    excess = 0.0
     highest = 0.0
     for conditions in balls:
         on_axis = forces_of(profile, conditions, gap, halvings=0)
@@ -154,8 +161,10 @@ def cost_of(
             highest = max(highest, voltages.higher)
             excess += max(0.0, limits.hold / voltages.holds - 1)
             excess += max(0.0, voltages.release_field / limits.field - 1)
-    cost = min(highest, 10 * _PENALTY) + _PENALTY * excess
-    return Candidate(numbers, cost, highest)
+
+    # A field that pulls the ball back to the tip makes voltage and excess infinite.
+    cost = min(highest, _MOST_VOLTAGE) + _PENALTY * excess
+    return Candidate(numbers, min(cost, _TOO_HIGH), highest)
 
 
 def search(
