@@ -38,6 +38,7 @@ class Laws:
         self._work_plate = constant("WORK_OBJECT_SUBSTRATE")
         self._contact_gap = constant("CONTACT_GAP")
         self._probe_radius = constant("PROBE_RADIUS")
+        self._density = constant("BALL_DENSITY")
         self._doubling = settings.get("humidity_doubling", adhesion.HUMIDITY_DOUBLING)
         self._fall = settings.get("humidity_fall", adhesion.HUMIDITY_FALL)
         self._tool = Surface(**settings.get("tool", {}))
@@ -69,8 +70,15 @@ class Laws:
         )
         if self._tip is not None:
             law = np.vectorize(self._tip.grasp_voltage)
-            return law(radius, work_tool, work_plate, effective_gap)
-        return grasp_voltage(radius, work_tool, work_plate, effective_gap, self._probe_radius)
+            return law(radius, work_tool, work_plate, effective_gap, self._density)
+        return grasp_voltage(
+            radius=radius,
+            work_tool_object=work_tool,
+            work_object_substrate=work_plate,
+            gap=effective_gap,
+            probe_radius=self._probe_radius,
+            density=self._density,
+        )
 
     def release_voltage_of(
         self, radius: Quantity, humidity: Quantity, gap: Quantity = RELEASE_GAP
@@ -84,8 +92,15 @@ class Laws:
         """
         work_tool = self._work_of_tool(radius, humidity)
         if self._tip is not None:
-            return np.vectorize(self._tip.release_voltage)(radius, work_tool, gap)
-        return release_voltage(radius, work_tool, gap, self._probe_radius)
+            law = np.vectorize(self._tip.release_voltage)
+            return law(radius, work_tool, gap, self._density)
+        return release_voltage(
+            radius=radius,
+            work_tool_object=work_tool,
+            gap=gap,
+            probe_radius=self._probe_radius,
+            density=self._density,
+        )
 
     def _work_of_tool(self, radius: Quantity, humidity: Quantity) -> Quantity:
         """Return the work of adhesion of the ball to the tip, as to a plane [J/m^2]."""

@@ -217,10 +217,19 @@ def quasi_static_grasp(trial: Trial, work_tool: float, work_plate: float, gap: f
         work_plate: W_OS at the trial's humidity [J/m^2].
         gap: electrical gap of tool and ball [m].
     """
-    radius = trial.radius
-    if trial.tip is None:
-        return float(grasp_voltage(radius, work_tool, work_plate, gap, trial.probe_radius))
-    return read_table(trial.tip).grasp_voltage(radius, work_tool, work_plate, gap)
+    ball = {"radius": trial.radius, "density": trial.density}
+    if trial.tip is not None:
+        return read_table(trial.tip).grasp_voltage(
+            work_tool=work_tool, work_plate=work_plate, gap=gap, **ball
+        )
+    law = grasp_voltage(
+        work_tool_object=work_tool,
+        work_object_substrate=work_plate,
+        gap=gap,
+        probe_radius=trial.probe_radius,
+        **ball,
+    )
+    return float(law)
 
 
 def quasi_static_release(trial: Trial, work_tool: float, gap: float) -> float:
@@ -231,9 +240,13 @@ def quasi_static_release(trial: Trial, work_tool: float, gap: float) -> float:
         work_tool: W_TO at the trial's humidity [J/m^2].
         gap: of ball and plate [m].
     """
-    if trial.tip is None:
-        return float(release_voltage(trial.radius, work_tool, gap, trial.probe_radius))
-    return read_table(trial.tip).release_voltage(trial.radius, work_tool, gap)
+    ball = {"radius": trial.radius, "density": trial.density}
+    if trial.tip is not None:
+        return read_table(trial.tip).release_voltage(work_tool=work_tool, gap=gap, **ball)
+    law = release_voltage(
+        work_tool_object=work_tool, gap=gap, probe_radius=trial.probe_radius, **ball
+    )
+    return float(law)
 
 
 def _melts(settings: GraspSettings, trial: Trial, highest_voltage: float) -> bool:

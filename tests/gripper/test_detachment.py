@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
+    BALL_DENSITY,
     EQ3_CONSTANT,
     PRINTED_EQ3_CONSTANT,
     PROBE_RADIUS,
@@ -21,6 +22,7 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     is_grasped,
     is_released,
+    release_deficit,
     release_voltage,
 )
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force
@@ -61,6 +63,15 @@ def test_no_lift_without_contact_below_fifty_volts():
 
 def test_equal_adhesions_leave_the_weight():
     assert float(grasp_deficit(20e-6, 3e-3, 3e-3)) == pytest.approx(float(ball_weight(20e-6)))
+
+
+def test_the_density_of_a_ball_counts_in_both_tasks():
+    """Twice the density adds one weight to a grasp's deficit, and takes it from a release's."""
+    weight = float(ball_weight(20e-6))
+    double = 2 * BALL_DENSITY
+    grasp = float(grasp_deficit(20e-6, density=double)) - float(grasp_deficit(20e-6))
+    release = float(release_deficit(20e-6, density=double)) - float(release_deficit(20e-6))
+    np.testing.assert_allclose([grasp, release], [weight, -weight], rtol=1e-3)
 
 
 @settings(deadline=None)

@@ -17,7 +17,12 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws import probe_table
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.detachment import (
+    BALL_DENSITY,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    ball_weight,
+)
 from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible
 from iswarm_mj.gripper.tips import shapes, table
@@ -175,6 +180,21 @@ def test_files_that_are_no_tables_are_refused(tmp_path, change):
     (tmp_path / "tip.json").write_text(json.dumps(content))
     with pytest.raises(UserError, match="is no table of a tip"):
         table.read_table(tmp_path / "tip.json")
+
+
+def test_voltages_of_a_table_follow_the_density():
+    """The square of the voltage is the deficit over the force."""
+    tip = table.read_table(TIP)
+    double = 2 * BALL_DENSITY
+    weight = ball_weight(RADIUS)
+
+    grasps = [tip.grasp_voltage(RADIUS, 1e-3, 2e-3, 0.2e-6, rho) for rho in (BALL_DENSITY, double)]
+    pull = tip.force("pick", RADIUS, 0.2e-6)
+    assert (grasps[1] ** 2 - grasps[0] ** 2) * pull == pytest.approx(weight)
+
+    releases = [tip.release_voltage(RADIUS, 1e-3, 5e-6, rho) for rho in (BALL_DENSITY, double)]
+    pull = tip.force("release", RADIUS, 5e-6)
+    assert (releases[0] ** 2 - releases[1] ** 2) * pull == pytest.approx(weight)
 
 
 def test_a_numeric_field_that_is_no_table_is_refused():

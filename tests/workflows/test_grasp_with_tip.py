@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 from support.cli import code_of, refused, result
 
+from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.trial_laws import Laws
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.workflows.grasp import run_grasp
+from iswarm_mj.workflows.grasp import quasi_static_grasp, quasi_static_release, run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 TIP = Path(__file__).parents[2] / "examples/best-tip/tip.json"
@@ -39,6 +40,17 @@ def test_trials_follow_the_tips_laws():
         else:
             law = tip.release_voltage(20e-6, work_tool, 5e-6)
         assert row.quasi_static_voltage == pytest.approx(law)
+
+
+@pytest.mark.parametrize("tip", [None, str(TIP)])
+def test_laws_of_a_trial_take_the_density_of_its_ball(tip):
+    """Without adhesion the square of the voltage of a grasp is in proportion to the weight."""
+    light = Trial(20e-6, 1e-3, 0.0, tip=tip, density=5e3)
+    heavy = light._replace(density=20e3)
+    grasps = [quasi_static_grasp(each, 0.0, 0.0, 0.2e-6) for each in (light, heavy)]
+    assert grasps[1] == pytest.approx(2 * grasps[0])
+    releases = [quasi_static_release(each, 1e-3, 5e-6) for each in (light, heavy)]
+    assert releases[1] < releases[0]
 
 
 def test_a_tip_lowers_the_adhesion_by_its_share():

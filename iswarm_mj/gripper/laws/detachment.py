@@ -10,8 +10,8 @@ assumption is that the ball stays at the substrate's potential while the tool to
 
 Arguments in SI: `voltage` of the tool against the substrate [V], `radius` of the ball [m], works of
 adhesion `work_tool_object` W_TO and `work_object_substrate` W_OS [J/m^2], `probe_radius` of the
-tool [m]; `gap` is that between tool and ball in a grasp, the effective electrical one, and between
-ball and substrate in a release [m].
+tool [m], `density` of the ball [kg/m^3]; `gap` is that between tool and ball in a grasp, the
+effective electrical one, and between ball and substrate in a release [m].
 
 Grasps follow Eq. 5 with the weight, releases section 3.2.1, Fig. 2(b), with the weight; both with
 DMT pull-offs, and valid within the range of `probe_table`.
@@ -94,20 +94,26 @@ def grasp_deficit(
     radius: Quantity,
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
+    density: Quantity = BALL_DENSITY,
 ) -> Quantity:
     """Return the force that the voltage must add to lift a touched ball, F_OS + weight - F_TO [N].
 
     It is below 0 where adhesion suffices.
     """
-    return dmt_pull_off(radius, work_object_substrate - work_tool_object) + ball_weight(radius)
+    adhesion = dmt_pull_off(radius, work_object_substrate - work_tool_object)
+    return adhesion + ball_weight(radius, density)
 
 
-def release_deficit(radius: Quantity, work_tool_object: Quantity = WORK_TOOL_OBJECT) -> Quantity:
+def release_deficit(
+    radius: Quantity,
+    work_tool_object: Quantity = WORK_TOOL_OBJECT,
+    density: Quantity = BALL_DENSITY,
+) -> Quantity:
     """Return the force that the voltage must add to drop a held ball, F_TO - weight [N].
 
     It is below 0 where the weight suffices.
     """
-    return dmt_pull_off(radius, work_tool_object) - ball_weight(radius)
+    return dmt_pull_off(radius, work_tool_object) - ball_weight(radius, density)
 
 
 def is_grasped(
@@ -141,6 +147,7 @@ def grasp_voltage(
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
+    density: Quantity = BALL_DENSITY,
 ) -> Quantity:
     """Return the least voltage at which a touching tool lifts the ball [V].
 
@@ -152,8 +159,9 @@ def grasp_voltage(
         work_object_substrate: work of adhesion between ball and plate [J/m^2].
         gap: effective electrical gap between tool and ball [m].
         probe_radius: radius of the tool [m].
+        density: of the ball [kg/m^3].
     """
-    deficit = grasp_deficit(radius, work_tool_object, work_object_substrate)
+    deficit = grasp_deficit(radius, work_tool_object, work_object_substrate, density)
     return least_voltage(deficit, pick_force(1.0, gap, radius, probe_radius))
 
 
@@ -162,6 +170,7 @@ def release_voltage(
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
+    density: Quantity = BALL_DENSITY,
 ) -> Quantity:
     """Return the least voltage at which a held ball leaves the tool [V].
 
@@ -172,8 +181,9 @@ def release_voltage(
         work_tool_object: work of adhesion between tool and ball [J/m^2].
         gap: between ball and plate [m].
         probe_radius: radius of the tool [m].
+        density: of the ball [kg/m^3].
     """
-    deficit = release_deficit(radius, work_tool_object)
+    deficit = release_deficit(radius, work_tool_object, density)
     return least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
 
 

@@ -19,7 +19,12 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.gripper.laws import spline
-from iswarm_mj.gripper.laws.detachment import grasp_deficit, least_voltage, release_deficit
+from iswarm_mj.gripper.laws.detachment import (
+    BALL_DENSITY,
+    grasp_deficit,
+    least_voltage,
+    release_deficit,
+)
 from iswarm_mj.gripper.laws.probe_table import (
     GAP_EXPONENTS,
     axis_of,
@@ -87,7 +92,12 @@ class TipTable:
         return factor * math.pi * VACUUM_PERMITTIVITY * radius / gap
 
     def grasp_voltage(
-        self, radius: float, work_tool: float, work_plate: float, gap: float
+        self,
+        radius: float,
+        work_tool: float,
+        work_plate: float,
+        gap: float,
+        density: float = BALL_DENSITY,
     ) -> float:
         """Return the least voltage that lifts a ball [V].
 
@@ -96,19 +106,23 @@ class TipTable:
             work_tool: of adhesion between tool and ball, times `adhesion_share` [J/m^2].
             work_plate: of adhesion between ball and plate [J/m^2].
             gap: electrical gap of tip and ball [m].
+            density: of the ball [kg/m^3].
         """
-        deficit = grasp_deficit(radius, work_tool, work_plate)
+        deficit = grasp_deficit(radius, work_tool, work_plate, density)
         return float(least_voltage(deficit, self.force("pick", radius, gap)))
 
-    def release_voltage(self, radius: float, work_tool: float, gap: float) -> float:
+    def release_voltage(
+        self, radius: float, work_tool: float, gap: float, density: float = BALL_DENSITY
+    ) -> float:
         """Return the least voltage that drops a ball [V].
 
         Args:
             radius: of the ball [m].
             work_tool: of adhesion between tool and ball, times `adhesion_share` [J/m^2].
             gap: of ball and plate [m].
+            density: of the ball [kg/m^3].
         """
-        deficit = release_deficit(radius, work_tool)
+        deficit = release_deficit(radius, work_tool, density)
         return float(least_voltage(deficit, self.force("release", radius, gap)))
 
     def adhesion_share(self, radius: float) -> float:
