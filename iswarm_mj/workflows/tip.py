@@ -255,7 +255,10 @@ def _caption(settings: TipSettings) -> str:
 
 
 def result_of(settings: TipSettings, design: Design, seconds: float) -> dict[str, Any]:
-    """Return the content of result.json: settings as flags take them, profile, rows."""
+    """Return the content of result.json: settings as flags take them, profile, rows.
+
+    Infinite voltages and fields, of balls that no voltage moves, are None: JSON has no infinity.
+    """
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
     flags["profile"] = None if settings.profile is None else str(settings.profile)
     for name in ("tool", "plate"):  # named tuples, which `asdict` keeps
@@ -272,10 +275,10 @@ def result_of(settings: TipSettings, design: Design, seconds: float) -> dict[str
             "apex_curvature": profile.apex_curvature,
             "arcs": face,
         },
-        "highest_voltage": highest_voltage(design.rows),
-        "rows": [row._asdict() for row in design.rows],
-        "flat_rows": [row._asdict() for row in design.flat_rows],
-        "tolerances": [row._asdict() for row in design.tolerances],
+        "highest_voltage": _finite_or_none(highest_voltage(design.rows)),
+        "rows": [_entry_of(row) for row in design.rows],
+        "flat_rows": [_entry_of(row) for row in design.flat_rows],
+        "tolerances": [_entry_of(row) for row in design.tolerances],
         "history": design.history,
         "beyond_the_fit": [
             text for text in settings.grasp.beyond_the_fit if not text.startswith("rh ")
@@ -283,6 +286,15 @@ def result_of(settings: TipSettings, design: Design, seconds: float) -> dict[str
         "summary": [f"{name}: {text}" for name, text in summary(settings, design)],
         "wall_s": round(seconds, 3),
     }
+
+
+def _entry_of(row: TipRow) -> dict[str, float | None]:
+    """Return a row for JSON."""
+    return {name: _finite_or_none(value) for name, value in row._asdict().items()}
+
+
+def _finite_or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def highest_voltage(rows: Sequence[TipRow]) -> float:

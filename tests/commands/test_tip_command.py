@@ -1,6 +1,7 @@
 """The command `iswarm tip`: what it prints and writes, and how it goes with other commands."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from support.cli import code_of, refused, result
 
 from iswarm_mj.gripper.tips.search import Limits
 from iswarm_mj.gripper.tips.shapes import read_profile
-from iswarm_mj.workflows.tip import design_tip, summary
+from iswarm_mj.workflows.tip import design_tip, result_of, summary
 from iswarm_mj.workflows.tip_settings import TipSettings
 
 ONE_BALL = ["--radius=20e-6", "--out=out"]
@@ -120,6 +121,17 @@ def test_a_search_that_finds_no_profile_within_the_height_warns():
     )
     warnings = [text for name, text in summary(settings, design_tip(settings)) if name == "warning"]
     assert "no profile within the height of 0.5 um" in warnings[0]
+
+
+def test_a_release_that_no_voltage_makes_is_null_in_json():
+    settings = TipSettings(radius=("20e-6",))
+    design = design_tip(settings)
+    endless = design.rows[0]._replace(release_voltage=math.inf, release_field=math.inf)
+    content = result_of(settings, design._replace(rows=[endless]), seconds=1.0)
+    read = json.loads(json.dumps(content, allow_nan=False))
+    assert read["rows"][0]["release_voltage"] is None
+    assert read["rows"][0]["grasp_voltage"] == endless.grasp_voltage
+    assert read["highest_voltage"] is None
 
 
 def test_the_bench_takes_the_works_of_a_tip(here):

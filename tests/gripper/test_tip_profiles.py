@@ -101,6 +101,7 @@ def test_the_curvature_of_points_on_a_sphere_is_that_of_the_sphere(tmp_path):
         ("r [um],z [um]\n1,0\n2,1\n", "must begin on the axis"),
         ("r [um],z [um]\n0,0\n5,1\n4,2\n", "must not fall"),
         ("r [um],z [um]\n0,0\n0,0\n4,2\n", "must not be the same"),
+        ("r [um],z [um]\n0,0\n0,1\n13,1\n", "only the first point of a profile may lie on"),
         ("r [um],z [um]\n0,0\n5,x\n", "row 3 of"),
         ("r [um],z [um]\n0,0\n5,nan\n", "row 3 of"),
         ("r [um],z [um]\n0,0\n", "2 to 500 points"),

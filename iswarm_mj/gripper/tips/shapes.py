@@ -142,6 +142,11 @@ def read_profile(path: Path) -> Profile:
     lengths = np.hypot(np.diff(r), np.diff(z))
     if (lengths <= 0).any():
         raise UserError(f"two points of a profile must not be the same; {remedy}")
+    if r[1] <= 0:
+        raise UserError(
+            "only the first point of a profile may lie on the axis, at r = 0 "
+            f"(got the second there, too); {remedy}"
+        )
     if not 1e-6 <= r[-1] <= 200e-6 or np.ptp(z) > 200e-6:
         raise UserError(
             f"a profile must be 1 to 200 um wide and at most 200 um high "
