@@ -121,9 +121,9 @@ class TipSettings:
     def __post_init__(self):
         validate(self)
         check("gap", self.gap, "one or more gaps", len(self.gap) > 0)
-        assert self.grasp  # raises a ConfigError for balls and materials that are not allowed
+        _ = self.grasp  # raises a ConfigError for balls and materials that are not allowed
         if self.has_named_shape:
-            assert self.named_profile  # raises one for a shape that does not exist
+            _ = self.named_profile  # raises one for a shape that does not exist
 
     @property
     def kind(self) -> str:

@@ -172,8 +172,20 @@ def test_a_table_is_read_as_it_was_written(tmp_path, monkeypatch):
     assert again is table.read_table(tmp_path / "tip.json")
 
 
+FACE = {"start_r": [0.0], "start_z": [0.0], "heading": [0.0], "curvature": [0.0], "length": [13e-6]}
+
+
 @pytest.mark.parametrize(
-    "change", [{"pick": [1.0]}, {"face": {}}, {"tip_table": 2}, {"reach": None}]
+    "change",
+    [
+        {"pick": [1.0]},
+        {"face": {}},
+        {"face": FACE | {"curvature": [0.0, 1.0]}},
+        {"face": {name: [] for name in FACE}},
+        {"tip_table": 2},
+        {"reach": None},
+        {"reach": 0.0},
+    ],
 )
 def test_files_that_are_no_tables_are_refused(tmp_path, change):
     content = json.loads(TIP.read_text()) | change

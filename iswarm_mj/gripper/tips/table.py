@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -221,17 +222,34 @@ def _table_of(path: Path, _time: int) -> TipTable:
     """Return the table in a file."""
     content = read_json(path, _REMEDY)
     try:
-        assert content["tip_table"] == 1
-        face = Chain(**{name: np.array(values, float) for name, values in content["face"].items()})
-        profile = Profile(content["name"], face, float(content["apex_curvature"]))
-        shape = (len(GAP_EXPONENTS), N_RATIOS)
-        table = TipTable(
-            profile=profile,
-            reach=float(content["reach"]),
-            pick=np.array(content["pick"], float).reshape(shape),
-            release=np.array(content["release"], float).reshape(shape),
-        )
-        assert profile.radius > 0 and (table.pick > 0).all() and (table.release > 0).all()
-    except (AssertionError, KeyError, TypeError, ValueError, AttributeError):
+        return _from_json(content)
+    except (KeyError, TypeError, ValueError, AttributeError):
         raise UserError(f"{path} is no table of a tip; {_REMEDY}") from None
+
+
+def _from_json(content: Any) -> TipTable:
+    """Return the table that `write_table` has written.
+
+    Raises:
+        KeyError, TypeError, ValueError, AttributeError: it has not written that.
+    """
+    if content["tip_table"] != 1:
+        raise ValueError("another version")
+
+    columns = {name: np.array(values, float) for name, values in content["face"].items()}
+    face = Chain(**columns)
+    has_equal_lengths = all(values.shape == (len(face.length),) for values in columns.values())
+    if not has_equal_lengths or len(face.length) == 0:
+        raise ValueError("pieces of the face lack numbers")
+
+    shape = (len(GAP_EXPONENTS), N_RATIOS)
+    table = TipTable(
+        profile=Profile(content["name"], face, float(content["apex_curvature"])),
+        reach=float(content["reach"]),
+        pick=np.array(content["pick"], float).reshape(shape),
+        release=np.array(content["release"], float).reshape(shape),
+    )
+    are_positive = [table.profile.radius > 0, table.reach > 0, table.pick > 0, table.release > 0]
+    if not all(map(np.all, are_positive)):
+        raise ValueError("a radius, a reach or a force is not above 0")
     return table
