@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 _STRAIGHT = 1e-9
 """Turn of a piece below which it counts as straight [rad]."""
@@ -51,7 +51,7 @@ class Chain:
         return self.heading + self.curvature * self.length
 
     @cached_property
-    def is_corner(self) -> Float[np.ndarray, "n"]:
+    def is_corner(self) -> Bool[np.ndarray, "n"]:
         """Whether the heading jumps where a piece begins; not at the first piece."""
         jumps = np.abs(self.heading[1:] - self.end_heading[:-1]) > _CORNER
         return np.concatenate([[False], jumps])
@@ -208,11 +208,9 @@ class Seat:
     """Place where a ball touches a tip from below, both on one axis."""
 
     height: float
-    """Height of the ball's centre over the face's place on the axis [m], below 0."""
+    """Height of the ball's centre in the profile's coordinates [m]."""
     radius: float
     """Radius of the circle of contact, 0 on the axis [m]."""
-    curvature: float
-    """Curvature of the face there, positive if it bulges; infinite at a sharp edge [1/m]."""
     angle: float
     """Angle between the contact's normal and the axis [rad]."""
 
@@ -232,8 +230,7 @@ def seat_of(profile: Profile, ball_radius: float) -> Seat:
     room = _room(face, arc_length, ball_radius)
     best = int(room.argmin())
     if best == 0 or room[0] - room[best] < 1e-9 * ball_radius:
-        axis_height = float(room[0])
-        return Seat(axis_height, 0.0, profile.apex_curvature, 0.0)
+        return Seat(height=float(room[0]), radius=0.0, angle=0.0)
 
     # The least within the neighbouring samples.
     span = np.linspace(arc_length[best - 1], arc_length[min(best + 1, len(room) - 1)], 2001)
@@ -241,12 +238,7 @@ def seat_of(profile: Profile, ball_radius: float) -> Seat:
     place = float(span[finer.argmin()])
     height = float(finer.min())
     r, _ = (float(value) for value in face.at(np.array(place)))
-
-    tolerance = 1e-6 * face.total
-    corners = face.start[face.is_corner]
-    is_edge = bool((np.abs(corners - place) < tolerance).any() or face.total - place < tolerance)
-    curvature = math.inf if is_edge else float(face.curvature[face.piece_at(np.array(place))])
-    return Seat(height, r, curvature, math.asin(min(1.0, r / ball_radius)))
+    return Seat(height=height, radius=r, angle=math.asin(min(1.0, r / ball_radius)))
 
 
 def _dense(chain: Chain) -> np.ndarray:
