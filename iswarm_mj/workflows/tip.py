@@ -154,7 +154,7 @@ def _table(settings: TipSettings, profile: Profile) -> TipTable:
     with Progress(n_entries(), "force", "table") as bar:
         return make_table(
             profile,
-            settings.reach,
+            settings.adhesion_reach,
             settings.workers,
             note=lambda: bar.update(1),
         )
@@ -249,7 +249,7 @@ def _caption(settings: TipSettings) -> str:
         f"Tip {settings.kind}; {settings.grasp.humidities[0]:g} % RH, works of adhesion "
         f"{first.work_tool * 1e3:.3g} (tool) and {first.work_plate * 1e3:.3g} mJ/m² (plate),\n"
         f"electrical gap of a contact {settings.electrical_gap * _UM:g} µm, reach of adhesion "
-        f"{settings.reach * _UM:g} µm. Tolerances: ball of {first.radius * _UM:g} µm; "
+        f"{settings.adhesion_reach * _UM:g} µm. Tolerances: ball of {first.radius * _UM:g} µm; "
         "misplaced balls by an approximation."
     )
 

@@ -77,9 +77,9 @@ class TipSettings:
     """Gaps to the plate at which a ball is released [m]."""
     electrical_gap: Annotated[float, _of_grasp("electrical_gap")] = detachment.CONTACT_GAP
     """Effective electrical gap between a touching tool and the ball [m]."""
-    reach: Annotated[float, Within(0.1e-9, 2e-6, "m")] = detachment.CONTACT_GAP
-    """Reach of the adhesion: gaps up to it count as contact; a choice, by default that of surfaces
-    as rough as the electrical gap, 0.3e-9 for smooth ones [m]."""
+    reach: Annotated[float | None, Within(0.1e-9, 10e-6, "m")] = None
+    """Reach of the adhesion: gaps up to it count as contact; a choice, by default the electrical
+    gap, 0.2e-6, as for surfaces as rough as that; 0.3e-9 for smooth ones [m]."""
     ball_material: str = materials.BALL
     """Material of the balls, by name or by its surface energy; a wrong name lists the others
     [J/m^2]."""
@@ -106,7 +106,8 @@ class TipSettings:
     table: bool = False
     """Write tip.json, too, the table of forces with which `iswarm grasp --tip` runs trials."""
     optimise: bool = False
-    """Search for the profile with the least of the higher of both voltages, within `limits`."""
+    """Search for the profile with the lowest of the highest voltage of all balls, within `limits`,
+    at the first humidity of `rh` and the first gap of `gap` alone."""
     limits: Limits = field(default_factory=Limits)
     """Limits of manufacture and use in the search."""
     generations: Annotated[int, Within(1, 10_000), Needs("optimise")] = 100
@@ -133,6 +134,11 @@ class TipSettings:
         if self.profile is not None:
             return "points"
         return self.shape or ("rounded" if self.tip_curvature else "flat")
+
+    @property
+    def adhesion_reach(self) -> float:
+        """Reach of the adhesion, by default the electrical gap [m]."""
+        return self.electrical_gap if self.reach is None else self.reach
 
     @property
     def has_named_shape(self) -> bool:
@@ -187,5 +193,5 @@ class TipSettings:
             work_tool=work_tool * factor,
             work_plate=work_plate * factor,
             contact_gap=self.electrical_gap,
-            reach=self.reach,
+            reach=self.adhesion_reach,
         )

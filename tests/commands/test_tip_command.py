@@ -87,6 +87,13 @@ def test_a_file_with_an_unknown_key_is_refused(here, capfd):
     assert "does not know" in refused(capfd, here, "tip", "--config=fit.toml")
 
 
+def test_adhesion_reaches_as_far_as_the_electrical_gap_unless_it_is_given():
+    ball = {"radius": 20e-6, "humidity": 10.0}
+    assert TipSettings(electrical_gap=0.3e-6).conditions(**ball).reach == 0.3e-6
+    assert TipSettings(electrical_gap=0.3e-6, reach=20e-9).conditions(**ball).reach == 20e-9
+    assert TipSettings().conditions(**ball).reach == 0.2e-6
+
+
 def test_humidities_and_gaps_make_rows(here):
     settings = TipSettings(radius=("15e-6", "20e-6"), rh=(10.0, 40.0), gap=(3e-6, 5e-6))
     rows = design_tip(settings).rows
