@@ -126,7 +126,8 @@ def solve(
         contacts: (C,) of type CONTACT, changed.
         velocities: (N + M + 1, 3) of robots, boxes, and zero for what is fixed, changed
             [mm/s, mm/s, rad/s].
-        friction: (N + M, 3) impulses of the floor's friction, changed.
+        friction: (N + M, 3) impulses of the floor's friction, changed [mg mm/s, mg mm/s,
+            mg mm^2/s].
         kinds: (N + M + 1,) kinds of the same bodies, see `plane.table_of`.
         plane: limits of the sweeps.
 
@@ -167,14 +168,14 @@ def solve_island(
     thousands of sweeps; momentum makes it ten times faster. It grows from sweep to sweep
     (Nesterov 1983, Soviet Math. Dokl. 27, 372), starts again where it leads uphill and every
     `RESTART` sweeps (the gradient scheme and the fixed one of O'Donoghue & Candes 2015, Found.
-    Comput. Math. 15, 715), and stops for good after half of all sweeps.
+    Comput. Math. 15, 715), and stops for good after half of `max_sweeps`.
 
     Args:
         members: indices of the contacts that are solved.
         contacts: (C,) of type CONTACT, changed.
         velocities: (N + M + 1, 3), on entry with the contacts' impulses so far [mm/s, mm/s, rad/s].
         friction: (N + M, 3) impulses of the floor's friction so far, which are in the velocities,
-            too.
+            too; changed [mg mm/s, mg mm/s, mg mm^2/s].
         kinds: (N + M + 1,) kinds of the bodies, see `plane.table_of`.
         plane: limits of the sweeps.
 
@@ -220,8 +221,9 @@ def _relax(
         kinds: see `solve_island`.
 
     Returns:
-        Largest change of a velocity [mm/s]; and the slope of the dual problem along the way of the
-        impulses since the latest sweep, positive where momentum led uphill.
+        Largest change of a velocity [mm/s]; and (old - new) (new - last), summed over the rows, in
+        place of the slope of the dual problem along the way since the latest sweep (O'Donoghue &
+        Candes 2015): above 0 where momentum led uphill [(mg mm/s)^2].
     """
     # The impulses with the latest momentum; `last_impulse1` and `last_impulse2` are without it.
     old1 = contact.impulse1
