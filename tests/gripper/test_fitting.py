@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import dblquad, quad
 
 from iswarm_mj.gripper.fitting import estimate
@@ -232,6 +233,21 @@ def test_an_expected_voltage_of_0_has_an_interval():
     median = fitted.predict("grasp").median
     assert (median.low, median.value) == (0, 0)
     assert 0 < median.high < 10
+
+
+def test_rises_of_the_objective_are_those_of_students_t():
+    """By the t test of a slope, of 8 values with 2 parameters of their mean."""
+    x = np.arange(8.0)
+    y = 3 + np.random.default_rng(0).standard_normal(8)
+    line = stats.linregress(x, y)
+    t_squared = (line.slope / line.stderr) ** 2
+
+    of_line = np.sum((y - line.intercept - line.slope * x) ** 2)
+    of_mean = np.sum((y - y.mean()) ** 2)
+    rise = 8 * np.log(of_mean / of_line)
+    distribution = estimate.Student(freedom=6, used=2)
+    assert distribution.rise_of(t_squared) == pytest.approx(rise)
+    assert distribution.t_squared_of(rise) == pytest.approx(t_squared)
 
 
 def test_voltages_are_proposed_before_forces():

@@ -242,27 +242,46 @@ def _places_near(likelihood: Likelihood, near: Maximum) -> np.ndarray:
     return np.array([model.parameters[name].place_of(values[name]) for name in model.free])
 
 
-def degrees_of_freedom(likelihood: Likelihood, places: np.ndarray) -> int:
-    """Return the number of known values beyond those that the free parameters use up, at least 1.
+class Student(NamedTuple):
+    """Student's t of a mean whose scatter is estimated, too, and the rise of the objective for it.
 
-    A parameter counts where the data say more of it than its prior does.
+    With N normal values, p parameters of their mean and the scatter estimated with them, twice the
+    objective is N log(RSS) in the sum RSS of the squared residuals. A t of n = N - p degrees of
+    freedom makes RSS larger by 1 + t^2 / n, so that the objective rises by (n + p) log(1 + t^2 / n),
+    which is exact (Seber and Lee 2003, chapter 4). The prior of the scatter adds to N.
+    """
+
+    freedom: int
+    """Degrees of freedom n."""
+    used: int
+    """Number p of parameters of the mean."""
+
+    def rise_of(self, t_squared: float) -> float:
+        """Return how far twice the objective rises at a square of t."""
+        return float((self.freedom + self.used) * np.log1p(t_squared / self.freedom))
+
+    def t_squared_of(self, rise: float) -> float:
+        """Return the square of t at which twice the objective rises that far."""
+        return float(self.freedom * np.expm1(rise / (self.freedom + self.used)))
+
+
+def student(likelihood: Likelihood, places: np.ndarray) -> Student:
+    """Return the distribution of a likelihood's deviations.
+
+    A parameter is used up where the data say more of its mean than its prior does.
     """
     rows = likelihood.load_model.measurements
     n_values = int(np.sum(rows.is_known) + 2 * np.sum(rows.is_range))
     information = likelihood.information(places, of_mean=True)
     n_used = int(np.sum(np.linalg.eigvalsh(information) > 1))
-    return max(1, n_values - n_used)
+    return Student(max(1, n_values - n_used) + PRIOR_VALUES, n_used)
 
 
 def _cut(likelihood: Likelihood, places: np.ndarray) -> float:
-    """Return how far twice the objective may rise in an interval.
-
-    It is n log(1 + t^2 / n), with the quantile t of Student's distribution of n degrees of freedom:
-    exact for the mean of normal values of unknown scatter, and 3.84 for many values.
-    """
-    n = degrees_of_freedom(likelihood, places)
-    t = stats.t.ppf(0.5 + CONFIDENCE / 2, n + PRIOR_VALUES)
-    return float((n + PRIOR_VALUES) * np.log1p(t**2 / (n + PRIOR_VALUES)))
+    """Return how far twice the objective may rise in an interval, 3.84 for many values."""
+    distribution = student(likelihood, places)
+    t = stats.t.ppf(0.5 + CONFIDENCE / 2, distribution.freedom)
+    return distribution.rise_of(t**2)
 
 
 def _positive(matrix: np.ndarray) -> np.ndarray:

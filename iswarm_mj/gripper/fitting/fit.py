@@ -9,12 +9,11 @@ import numpy as np
 from scipy import stats
 
 from iswarm_mj.gripper.fitting.estimate import (
-    PRIOR_VALUES,
     Interval,
     Maximum,
     Quantity,
-    degrees_of_freedom,
     maximise,
+    student,
 )
 from iswarm_mj.gripper.fitting.likelihood import Likelihood
 from iswarm_mj.gripper.fitting.model import LoadModel
@@ -338,10 +337,10 @@ class Fit:
 
         likelihood = Likelihood(self.measurements, law.likelihood.model.with_free(name))
         free = maximise(likelihood, near=law)
-        n_free = degrees_of_freedom(likelihood, free.places) + PRIOR_VALUES
+        distribution = student(likelihood, free.places)
         rise = max(0.0, 2 * (law.objective - free.objective))
-        statistic = n_free * np.expm1(rise / (n_free + 1))
-        return ShapeTest(variable, free.values[name], float(stats.f.sf(statistic, 1, n_free)))
+        p_value = stats.f.sf(distribution.t_squared_of(rise), 1, distribution.freedom)
+        return ShapeTest(variable, free.values[name], float(p_value))
 
 
 def fit(
