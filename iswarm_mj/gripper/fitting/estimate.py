@@ -280,7 +280,7 @@ def student(likelihood: Likelihood, places: np.ndarray) -> Student:
 def _cut(likelihood: Likelihood, places: np.ndarray) -> float:
     """Return how far twice the objective may rise in an interval, 3.84 for many values."""
     distribution = student(likelihood, places)
-    t = stats.t.ppf(0.5 + CONFIDENCE / 2, distribution.freedom)
+    t = float(stats.t.ppf(0.5 + CONFIDENCE / 2, distribution.freedom))
     return distribution.rise_of(t**2)
 
 
