@@ -11,7 +11,7 @@ from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS
 from iswarm_mj.strategy.rules import Rules
 
-ADHESION = ("work_", "relative_humidity")
+ADHESION = ("work_", "relative_humidity", "humidity_")
 READ_BY_LAYOUTS = {f.name for f in fields(GripperConfig) if f.name.startswith(ADHESION)}
 """Settings that tasks alone read, when they lay balls out."""
 
