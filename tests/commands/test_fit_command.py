@@ -61,6 +61,7 @@ def test_a_table_becomes_settings_figures_and_sentences(mine, capfd):
     assert settings["gripper"]["work_tool_object"] == pytest.approx(value, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_bench_and_swarms_take_its_settings(mine):
     assert code_of("fit", mine.name, "--hold", "electrical_gap=1e-7", "--out", "out") == 0
     works = tomllib.loads(Path("out/fit.toml").read_text())["grasp"]
@@ -91,6 +92,7 @@ def test_the_example_is_the_papers_table(here, capfd):
     assert works["work_tool_object"]["value"] == pytest.approx(1.41e-3, rel=0.03)
 
 
+@pytest.mark.slow
 def test_trials_of_the_bench_confirm_predictions(mine, capfd):
     prior = "work_tool_object=1.41e-3:1.01"
     few = ["--trials", "4", "--radius", "20e-6", "--rh", "10", "--out", "out"]
@@ -133,6 +135,7 @@ def test_works_that_mean_other_voltages_in_swarms_have_a_warning(mine):
     assert swarm_warnings(fit(mine)) == []
 
 
+@pytest.mark.slow
 def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
     header, *rows = MINE.splitlines()
     lines = [f"{header},tip_curvature [um]", *(f"{row},30" for row in rows)]
@@ -143,6 +146,7 @@ def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
     assert parse(["grasp", "--config", "out/fit.toml"]).tip_curvature == 30e-6
 
 
+@pytest.mark.slow
 def test_a_fit_replaces_an_earlier_one_and_is_inspected(mine, capfd):
     for _ in range(2):
         assert code_of("fit", mine.name, "--out", "out") == 0

@@ -61,6 +61,7 @@ def test_each_row_is_a_radius_and_humidity_of_a_single_run(here, capfd):
     assert printed[1] in capfd.readouterr().out.splitlines()
 
 
+@pytest.mark.slow
 def test_tips_gaps_and_radii_may_vary_and_finished_runs_are_kept(here, monkeypatch):
     over = ["--over", f"tip={TIP}", "radius=15e-6", "gap=3e-6,5e-6"]
     command = ["sweep", "grasp", *FAST, "--rh=10", *over]

@@ -38,6 +38,7 @@ def test_a_rounded_tip_lowers_the_higher_voltage(capfd):
     )
 
 
+@pytest.mark.slow
 def test_the_solid_is_closed_and_the_points_are_read_again(here):
     assert code_of("tip", "--shape=cone", "--half-angle=70", *ONE_BALL) == 0
     solid = trimesh.load(here / "out/tip.stl")
@@ -107,6 +108,7 @@ def test_humidities_and_gaps_make_rows(here):
     assert by_place[20e-6, 3e-6, 10.0].release_voltage < dry.release_voltage
 
 
+@pytest.mark.slow
 def test_a_search_writes_its_history_and_repeats(here):
     search = ["--optimise", "--generations=2", "--population=4", "--workers=1", *ONE_BALL]
     assert code_of("tip", *search, "--limits.radius=20e-6") == 0
@@ -141,6 +143,7 @@ def test_a_release_that_no_voltage_makes_is_null_in_json():
     assert read["highest_voltage"] is None
 
 
+@pytest.mark.slow
 def test_the_bench_takes_the_works_of_a_tip(here):
     assert code_of("tip", "--work-tool-object=2e-3", *ONE_BALL) == 0
     assert (

@@ -93,6 +93,7 @@ def test_probabilities_of_a_value_and_of_bounds_add_up_to_one(kind):
     assert between == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_ranges_of_three_balls_have_a_density():
     row = ROWS["grasp"]
     middle = middle_of(row)

@@ -119,6 +119,7 @@ def test_both_engines_agree_with_boundary_elements(task, gap):
     assert abs(float(force.electrostatic)) == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_the_energy_of_a_trial_with_a_tip_is_accounted_for():
     """As with the flat tip: to 1 % of the source's turnover at 1 us, and of the step's order."""
     tip = table.read_table(TIP)

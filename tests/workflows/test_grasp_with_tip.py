@@ -60,6 +60,7 @@ def test_a_tip_lowers_the_adhesion_by_its_share():
     assert with_tip / without == pytest.approx(read_table(TIP).adhesion_share(20e-6))
 
 
+@pytest.mark.slow
 def test_the_command_names_the_tip_and_repeats(here, capfd):
     run = ["--radius=20e-6", "--rh=10", "--repeats=1", "--threads=1", "--protocol.step-voltage=2"]
     assert code_of("grasp", f"--tip={TIP}", *run, "--out=out") == 0
