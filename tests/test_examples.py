@@ -73,6 +73,7 @@ def test_an_example_runs(name, tmp_path, monkeypatch):
         assert saved.result["metrics"]["through"] == 0.0
 
 
+@pytest.mark.slow
 def test_robots_fail_one_by_one_and_send_no_messages_then(tmp_path, monkeypatch):
     """A quarter of 16 robots fails within 20 steps."""
     monkeypatch.chdir(tmp_path)
@@ -92,6 +93,7 @@ def test_robots_fail_one_by_one_and_send_no_messages_then(tmp_path, monkeypatch)
     np.testing.assert_array_equal(has_no_message[1:], ~is_alive[1:])
 
 
+@pytest.mark.slow
 def test_balls_are_sorted_by_size_and_each_lies_where_it_belongs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert code_of("run", *SORT, "--robots=80", "--steps=150", "--engine=planar") == 0

@@ -85,6 +85,7 @@ def test_the_bench_and_swarms_take_its_settings(mine):
     assert metadata["calibration"]["CONTACT_GAP"] == 1e-7
 
 
+@pytest.mark.slow
 def test_the_example_is_the_papers_table(here, capfd):
     assert code_of("fit", "--out", "out") == 0
     assert "6 rows of example" in capfd.readouterr().out
@@ -119,6 +120,7 @@ def test_trials_have_the_roughness_and_the_oxide_of_the_fit():
     assert settings.contacts.oxide == pytest.approx(50e-9, rel=0.05)
 
 
+@pytest.mark.slow
 def test_free_parameters_may_have_hyphens(mine):
     few = ["--radius", "20e-6", "--rh", "10", "--out", "out"]
     assert code_of("fit", mine.name, "--free", "humidity-doubling", *few) == 0

@@ -235,6 +235,7 @@ class TestTeams:
     def quiet_walk(self, walk_py):
         Path("walk.py").write_text(WALK + SILENT)
 
+    @pytest.mark.slow
     def test_each_has_a_share_flags_and_recordings(self):
         """Files repeat the run."""
         flags = ("--Quiet.turn=20", "--Quiet2.turn=40", "--type2.p-vector-forget=0.5")

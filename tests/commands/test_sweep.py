@@ -41,6 +41,7 @@ def pretended_runs(monkeypatch):
     return runs
 
 
+@pytest.mark.slow
 def test_each_row_is_a_world_of_a_single_run(here, capfd):
     over = ["--over", "robots=5,20", "drive.error-step=0.05:0.1:2"]
     assert code_of("sweep", "clean", *FLAGS, *over) == 0

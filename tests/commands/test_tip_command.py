@@ -71,6 +71,7 @@ def test_it_takes_the_table_of_the_bench_in_fit_toml(here):
     assert result("out")["tip"]["electrical_gap"] == 3e-7
 
 
+@pytest.mark.slow
 def test_it_takes_a_file_for_the_bench_and_results_of_its_own(here, capfd):
     (here / "fit.toml").write_text(
         "work_tool_object = 2e-3\nwork_object_substrate = 12e-3\nrepeats = 3\n[protocol]\npress = 2e-8\n"

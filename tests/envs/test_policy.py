@@ -140,6 +140,7 @@ class TestRunsDoWhatTheEnvironmentDid:
         act = partial(linear_policy, params)
         assert self.check_steps(env, env.reset(KEYS), run, act) <= 5
 
+    @pytest.mark.slow
     def test_with_memory_slow_grasps_and_little_energy(self):
         engine = PlanarSettings(1)
         env = make_single_world(engine, SLOW, payload=FIELDS)

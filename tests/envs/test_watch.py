@@ -56,6 +56,7 @@ class TestPictures:
         return pixels.dtype == np.uint8 and is_rgb and np.ptp(pixels) > 100
 
     @needs_opengl
+    @pytest.mark.slow
     def test_show_robots_where_they_are(self):
         n_worlds = 2
         env = make_env(config=SMALL, robots=5, engine=PlanarSettings(), worlds=n_worlds, n_starts=8)

@@ -154,6 +154,7 @@ def coarse_table(monkeypatch):
     return made
 
 
+@pytest.mark.slow
 def test_the_table_of_a_flat_tip_is_that_of_the_probe(monkeypatch):
     made = coarse_table(monkeypatch)
     for task in ("pick", "release"):

@@ -161,6 +161,7 @@ def test_a_search_for_misplaced_balls_counts_their_voltages_too():
     assert max(excess) > 1
 
 
+@pytest.mark.slow
 def test_a_short_search_finds_a_better_tip_than_the_flat_one_and_repeats():
     found = [
         search((USUAL,), 5e-6, Limits(), generations=3, population=6, seed=4, workers=1)

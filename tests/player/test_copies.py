@@ -113,6 +113,7 @@ TEAMS = (
         "--changes 2:kill=3 3:optics.error_in_communication=0.25",
     ],
 )
+@pytest.mark.slow
 def test_teams_of_flags(flags, assert_copies_repeat):
     session = parse(f"{TEAMS} {flags}".split()).session()
     assert_copies_repeat(steps(session, 5))

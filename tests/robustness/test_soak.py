@@ -163,6 +163,7 @@ def part_length(steps):
     return max(steps // N_PARTS, 1)
 
 
+@pytest.mark.slow
 def test_invariants_hold_at_each_step_of_a_short_run(tmp_path):
     assert len(soak(20, 200, tmp_path)) == N_PARTS
 

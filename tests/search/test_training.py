@@ -40,6 +40,7 @@ FLAGS = [
 
 
 @pytest.mark.usefixtures("few_pixels")
+@pytest.mark.slow
 def test_the_command_trains_the_policy_of_the_documentation(tmp_path, capfd, monkeypatch):
     """The flag `--weights` takes the weights that were written."""
     monkeypatch.chdir(tmp_path)

@@ -67,6 +67,7 @@ def first_step(run):
 class TestEntries:
     """Each takes the scenario alone."""
 
+    @pytest.mark.slow
     def test_a_run_the_page_and_an_environment_begin_alike(self):
         policy = PolicyStrategy(turn_and_walk, jnp.array([0.3, 0.8]))
         scenario = replace(PAPERS, strategy=policy)

@@ -85,6 +85,7 @@ def test_sources_that_cannot_be_are_refused(fields, name, constraint):
         start_of(SMALL, 5, 0, 0, task=Foraging(**fields))
 
 
+@pytest.mark.slow
 def test_a_source_moves_when_its_last_item_is_home():
     """Home is counted from the balls themselves.
 
