@@ -9,12 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from iswarm_mj.output.plot_style import figure
-from iswarm_mj.search.journal import RUNS, hashed, journal
-from iswarm_mj.search.pool import progress
 from iswarm_mj.search.rows import Row, Rows, by
-from iswarm_mj.search.sweep import SWEEP, Variant, combined_table, places_on_axis
+from iswarm_mj.search.sweep import Variant, places_on_axis, run_variants
 from iswarm_mj.utils.docstrings import field_docs
-from iswarm_mj.utils.tables import aligned, write_table
+from iswarm_mj.utils.tables import aligned
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 from iswarm_mj.workflows.grasp_summary import measures
 
@@ -39,19 +37,7 @@ def sweep_grasps(
         A row for each experiment, gap, radius and humidity of each variant: values of what varies,
         numbers of trials and voltages, and mean, least and greatest voltage [V], None without any.
     """
-    keys = [hashed(variant.identity) for variant in variants]
-    with journal(out / RUNS, {"kind": "sweep"}, again) as finished:
-        n_finished = sum(key in finished.entries for key in keys)
-        with progress(len(variants), "sweep", n_finished) as bar:
-            for key, variant in zip(keys, variants, strict=True):
-                if key not in finished.entries:
-                    finished.add(key, _rows_of_trials(variant.make()))
-                    bar.update()
-        with finished.explained():
-            rows = combined_table(variants, [finished.entries[key] for key in keys])
-            write_table(out / SWEEP, rows, about, csv=True)
-            _draw(rows, list(about["over"]), out / "sweep")
-    return rows
+    return run_variants(variants, out, about, again, rows_of=_rows_of_trials, draw=_draw)
 
 
 def _rows_of_trials(trials: Sequence[Any]) -> list[dict[str, Any]]:

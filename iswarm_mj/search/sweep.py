@@ -51,18 +51,39 @@ def sweep(
         A row for each world: values of what varies, world, measures and metrics; `fault`, the text
         of its fault or None.
     """
+    return run_variants(variants, out, about, again, rows_of=_rows_of_run, draw=_draw)
+
+
+def run_variants(
+    variants: Sequence[Variant],
+    out: Path,
+    about: Mapping[str, Any],
+    again: bool,
+    rows_of: Callable[[Any], list[dict[str, Any]]],
+    draw: Callable[[Rows, Sequence[str], Path], None],
+) -> list[Row]:
+    """Carry out the variants that a directory does not hold, and write table and figure of all.
+
+    Args:
+        variants: what varies.
+        out: directory.
+        about: settings, for the table's metadata; `over` names those that vary.
+        again: discard the finished runs in `out`.
+        rows_of: carries out what a variant makes, and returns its rows.
+        draw: draws rows over the settings that vary, to a path without suffix.
+    """
     keys = [hashed(variant.identity) for variant in variants]
     with journal(out / RUNS, {"kind": "sweep"}, again) as finished:
         n_finished = sum(key in finished.entries for key in keys)
         with progress(len(variants), "sweep", n_finished) as bar:
             for key, variant in zip(keys, variants, strict=True):
                 if key not in finished.entries:
-                    finished.add(key, _rows_of_run(variant.make()))
+                    finished.add(key, rows_of(variant.make()))
                     bar.update()
         with finished.explained():
             rows = combined_table(variants, [finished.entries[key] for key in keys])
             write_table(out / SWEEP, rows, about, csv=True)
-            _draw(rows, list(about["over"]), out / "sweep")
+            draw(rows, list(about["over"]), out / "sweep")
     return rows
 
 
