@@ -96,56 +96,81 @@ def _groups(rows: Measurements, kind: str, variable: str) -> list[_Group]:
 
 def _draw_group(panel: Axes, fitted: Fit, group: _Group, colour: str, *, with_bands: bool) -> None:
     """Draw one group of rows and its median, and the bands."""
-    along = getattr(group.rows, group.variable)
-    is_radius = group.variable == "radius"
-    axis_unit = _UM if is_radius else 1.0
-    margin = 2e-6 if is_radius else 5.0
-    lowest = max(along.min() - margin, 5e-6 if is_radius else 0.0)
-    highest = min(along.max() + margin, 100.0 if not is_radius else 1e-4)
-    places = np.linspace(lowest, highest, _N_PLACES)
-    if not is_radius:
-        places = np.union1d(places, [10.0]) if lowest < 10 < highest else places
+    _draw_predictions(panel, fitted, group, colour, with_bands=with_bands)
+    _draw_measurements(panel, group, colour)
 
-    # Margins may exceed the range of the laws.
-    radii = places if is_radius else np.full(len(places), group.fixed)
-    places = places[[fitted.has_laws(group.kind, radius, group.gap) for radius in radii.tolist()]]
+
+def _draw_predictions(
+    panel: Axes, fitted: Fit, group: _Group, colour: str, *, with_bands: bool
+) -> None:
+    """Draw the median over the range of a group, and the bands."""
+    is_radius = group.variable == "radius"
+    places = _places_of(fitted, group)
 
     predictions = []
     for place in places.tolist():
         radius, humidity = (place, group.fixed) if is_radius else (group.fixed, place)
         predictions.append(fitted.predict(group.kind, radius, humidity, group.gap))
+
     unit, _ = unit_of(group.kind)
-
-    def curve(values: list[float]) -> np.ndarray:
-        return np.array(values) / unit
-
+    x = places / _axis_unit(group)
+    median = np.array([prediction.median.value for prediction in predictions]) / unit
     label = f"{group.fixed:g} % RH" if is_radius else f"{group.fixed / _UM:g} µm"
-    x = places / axis_unit
-    low = curve([entry.median.low for entry in predictions])
-    high = curve([entry.median.high for entry in predictions])
-    balls_low = curve([entry.balls_low for entry in predictions])
-    balls_high = curve([entry.balls_high for entry in predictions])
-    panel.plot(x, curve([p.median.value for p in predictions]), color=colour, label=label)
-    if with_bands:
-        panel.fill_between(x, low, high, color=colour, alpha=0.25, linewidth=0)
-        panel.fill_between(x, balls_low, balls_high, color=colour, alpha=0.12, linewidth=0)
+    panel.plot(x, median, color=colour, label=label)
+    if not with_bands:
+        return
 
+    median_low = np.array([prediction.median.low for prediction in predictions]) / unit
+    median_high = np.array([prediction.median.high for prediction in predictions]) / unit
+    panel.fill_between(x, median_low, median_high, color=colour, alpha=0.25, linewidth=0)
+    balls_low = np.array([prediction.balls_low for prediction in predictions]) / unit
+    balls_high = np.array([prediction.balls_high for prediction in predictions]) / unit
+    panel.fill_between(x, balls_low, balls_high, color=colour, alpha=0.12, linewidth=0)
+
+
+def _axis_unit(group: _Group) -> float:
+    """Return the unit of the horizontal axis of a group: of radii [m], or 1 for humidities [%]."""
+    return _UM if group.variable == "radius" else 1.0
+
+
+def _places_of(fitted: Fit, group: _Group) -> np.ndarray:
+    """Return radii [m] or humidities [%] at which predictions are drawn, beyond the rows' ends."""
+    measured = getattr(group.rows, group.variable)
+    if group.variable == "radius":
+        lowest = max(measured.min() - 2e-6, 5e-6)
+        highest = min(measured.max() + 2e-6, 1e-4)
+        places = np.linspace(lowest, highest, _N_PLACES)
+        radii = places
+    else:
+        lowest = max(measured.min() - 5.0, 0.0)
+        highest = min(measured.max() + 5.0, 100.0)
+        places = np.linspace(lowest, highest, _N_PLACES)
+        if lowest < 10 < highest:
+            places = np.union1d(places, [10.0])  # where the humidity's law has an edge
+        radii = np.full(len(places), group.fixed)
+
+    # Margins may exceed the range of the laws.
+    return places[[fitted.has_laws(group.kind, radius, group.gap) for radius in radii.tolist()]]
+
+
+def _draw_measurements(panel: Axes, group: _Group, colour: str) -> None:
+    """Draw the rows of a group: values as points, ranges as lines, bounds as arrows."""
+    unit, _ = unit_of(group.kind)
     rows = group.rows.chosen(slice(0, _MOST_POINTS))
-    x_rows = getattr(rows, group.variable) / axis_unit
-    known = rows.is_known
-    panel.plot(x_rows[known], rows.high[known] / unit, "o", color=colour, markersize=4)
-    has_both = ~known & np.isfinite(rows.high) & (rows.low > 0)
-    panel.vlines(
-        x_rows[has_both],
-        rows.low[has_both] / unit,
-        rows.high[has_both] / unit,
-        color=colour,
-        linewidth=2,
-    )
-    above = ~np.isfinite(rows.high)
-    panel.plot(x_rows[above], rows.low[above] / unit, "^", color=colour, fillstyle="none")
-    below = ~known & (rows.low == 0) & np.isfinite(rows.high)
-    panel.plot(x_rows[below], rows.high[below] / unit, "v", color=colour, fillstyle="none")
+    x = getattr(rows, group.variable) / _axis_unit(group)
+    low = rows.low / unit
+    high = rows.high / unit
+
+    is_value = rows.is_known
+    has_high = np.isfinite(high)
+    is_range = ~is_value & has_high & (low > 0)
+    is_below = ~is_value & has_high & (low == 0)
+    is_above = ~has_high
+
+    panel.plot(x[is_value], high[is_value], "o", color=colour, markersize=4)
+    panel.vlines(x[is_range], low[is_range], high[is_range], color=colour, linewidth=2)
+    panel.plot(x[is_above], low[is_above], "^", color=colour, fillstyle="none")
+    panel.plot(x[is_below], high[is_below], "v", color=colour, fillstyle="none")
 
 
 def draw_profiles(fitted: Fit, path: Path) -> None:
@@ -155,7 +180,6 @@ def draw_profiles(fitted: Fit, path: Path) -> None:
         fitted: the fit.
         path: path of the files, without suffix.
     """
-    maximum = fitted.maximum
     names = fitted.model.free
     columns = 2
     n_rows = -(-len(names) // columns)
@@ -164,29 +188,38 @@ def draw_profiles(fitted: Fit, path: Path) -> None:
         "free. Dashed: limit of the 95 % interval.\nGrey: the prior alone."
     )
     with figure(path, rows=n_rows, columns=columns, size=(4.2, 2.4), caption=caption) as axes:
-        for index, (panel, name) in enumerate(zip(axes, names, strict=False)):
-            parameter = fitted.model.parameters[name]
-            interval = fitted.estimates[name].interval
-            middle = maximum.places[index]
-            ends = [parameter.place_of(max(end, 1e-30)) for end in (interval.low, interval.high)]
-            reach = 1.4 * np.clip([ends[0] - middle, ends[1] - middle], -4, 4)
-            reach = np.where(np.isnan(reach), [-1.4 * 4, 1.4 * 4], reach)  # ends not found
-            places = np.linspace(middle + reach[0], middle + reach[1], _N_PROFILE)
-            rise = maximum.profile(name, places)
-            values = np.array([parameter.value_at(place) for place in places]) / parameter.scale
-            prior = places**2 - min(places**2)
-            panel.plot(values, prior, color=DARK, alpha=0.35, linewidth=1)
-            panel.plot(values, rise, color=BLUE)
-            panel.axhline(maximum.cut, color=DARK, linestyle="--", linewidth=0.8)
-            panel.set_ylim(0, _LARGEST_RISE)
-            if interval.high > 4 * interval.low:
-                panel.set_xscale("log")
-                panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=7))
-                panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-                panel.xaxis.set_minor_formatter(NullFormatter())
-            unit = f" [{parameter.unit}]" if parameter.unit else ""
-            panel.set_xlabel(f"{parameter.text}{unit}", fontsize=8)
-            best = number(interval.value / parameter.scale)
-            panel.set_title(f"{parameter.symbol} = {best}", fontsize=8)
+        for panel, name in zip(axes, names, strict=False):
+            _draw_profile(panel, fitted, name)
         for panel in axes[len(names) :]:
             panel.set_visible(False)
+
+
+def _draw_profile(panel: Axes, fitted: Fit, name: str) -> None:
+    """Draw the profile of one parameter, with its interval and prior."""
+    maximum = fitted.maximum
+    parameter = fitted.model.parameters[name]
+    interval = fitted.estimates[name].interval
+
+    # As far as 1.4 times the interval's ends, where they were found and not far away.
+    middle = maximum.places[fitted.model.free.index(name)]
+    ends = [parameter.place_of(max(end, 1e-30)) for end in (interval.low, interval.high)]
+    reach = 1.4 * np.clip([ends[0] - middle, ends[1] - middle], -4, 4)
+    reach = np.where(np.isnan(reach), [-1.4 * 4, 1.4 * 4], reach)
+    places = np.linspace(middle + reach[0], middle + reach[1], _N_PROFILE)
+    values = np.array([parameter.value_at(place) for place in places]) / parameter.scale
+
+    prior = places**2 - min(places**2)
+    panel.plot(values, prior, color=DARK, alpha=0.35, linewidth=1)
+    panel.plot(values, maximum.profile(name, places), color=BLUE)
+    panel.axhline(maximum.cut, color=DARK, linestyle="--", linewidth=0.8)
+    panel.set_ylim(0, _LARGEST_RISE)
+    if interval.high > 4 * interval.low:
+        panel.set_xscale("log")
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=7))
+        panel.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        panel.xaxis.set_minor_formatter(NullFormatter())
+
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    panel.set_xlabel(f"{parameter.text}{unit}", fontsize=8)
+    best = number(interval.value / parameter.scale)
+    panel.set_title(f"{parameter.symbol} = {best}", fontsize=8)

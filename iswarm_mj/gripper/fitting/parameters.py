@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -169,12 +169,8 @@ class Model:
 
     free: tuple[str, ...] = ALWAYS_FREE
     """Names of the parameters that are estimated."""
-    parameters: Mapping[str, Parameter] = None  # type: ignore[assignment]
+    parameters: Mapping[str, Parameter] = field(default_factory=lambda: dict(PARAMETERS))
     """Parameters by name, with the priors and the held values of this fit."""
-
-    def __post_init__(self):
-        if self.parameters is None:
-            object.__setattr__(self, "parameters", dict(PARAMETERS))
 
     def values(self, places: np.ndarray) -> dict[str, float]:
         """Return the values of all parameters, in SI."""
