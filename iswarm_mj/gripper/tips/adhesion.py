@@ -105,11 +105,15 @@ def _seat_beside(profile: Profile, ball_radius: float, offset: float) -> tuple[f
     """
     r, z = profile.face.at(np.linspace(0, profile.face.total, 20001))
     x = np.concatenate([-r[::-1], r]) - offset
-    is_above = np.abs(x) <= ball_radius
-    below = np.sqrt(np.where(is_above, ball_radius**2 - x**2, 0.0))
-    height = np.where(is_above, np.concatenate([z[::-1], z]) - below, np.inf)
-    place = int(height.argmin())
-    return float(height[place]), math.asin(float(x[place]) / ball_radius)
+    face_height = np.concatenate([z[::-1], z])
+
+    # The ball rises until it meets the face somewhere: its centre stays below each point of the
+    # face by the height of the ball's surface there.
+    is_over_ball = np.abs(x) <= ball_radius
+    surface_height = np.sqrt(np.where(is_over_ball, ball_radius**2 - x**2, 0.0))
+    centre_height = np.where(is_over_ball, face_height - surface_height, np.inf)
+    contact = int(centre_height.argmin())
+    return float(centre_height[contact]), math.asin(float(x[contact]) / ball_radius)
 
 
 def adhesion_radius(

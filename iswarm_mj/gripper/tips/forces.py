@@ -86,20 +86,38 @@ def scene_of(
         from_tip, _ = tip.nearest(r, z)
         return np.minimum.reduce([z, np.full_like(z, _LARGEST_SIZE), from_tip])
 
-    corner_r = tip.start_r[tip.is_corner]
-    corner_z = tip.start_z[tip.is_corner]
+    ball = cut(ball_curve, ball_angles, ball_size, halvings)
+    parts = _tip_elements(tip, ball_height, radius, tip_start, halvings)
+    corners = np.stack([tip.start_r[tip.is_corner], tip.start_z[tip.is_corner]], axis=1)
+    return Scene(ball, parts, corners)
+
+
+def _tip_elements(
+    tip: Chain, ball_height: float, radius: float, tip_start: float, halvings: int
+) -> list[Elements]:
+    """Return the elements of the tip, a run of them between each corner and the next.
+
+    Elements are smaller near ball, plate and corners, and where the profile is curved.
+
+    Args:
+        tip: profile with its wall, in its place [ball radii].
+        ball_height: height of the ball's centre above the plate [ball radii].
+        radius: radius of the tip [ball radii].
+        tip_start: arc length before which a contact leaves no field [ball radii].
+        halvings: see `scene_of`.
+    """
+    corners = np.stack([tip.start_r[tip.is_corner], tip.start_z[tip.is_corner]], axis=1)
     smallest = _smallest_sizes(tip, ball_height, radius)
 
     def tip_size(arc_length):
         r, z = tip.at(arc_length)
         sizes = [np.hypot(r, z - ball_height) - 1, z]
-        for edge_r, edge_z, smallest_size in zip(corner_r, corner_z, smallest, strict=True):
-            sizes.append(np.hypot(r - edge_r, z - edge_z) + smallest_size)
+        for (corner_r, corner_z), smallest_size in zip(corners, smallest, strict=True):
+            sizes.append(np.hypot(r - corner_r, z - corner_z) + smallest_size)
         curvature = np.abs(tip.curvature[tip.piece_at(arc_length)])
         sizes.append(1.5 / np.maximum(curvature, 1e-3))
         return np.minimum.reduce(sizes)
 
-    # A run ends at each corner.
     ends = np.append(tip.start[tip.is_corner], tip.total)
     starts = np.concatenate([[0.0], ends[:-1]])
     parts = []
@@ -107,8 +125,7 @@ def scene_of(
         if end - start > 1e-9:
             inside = np.nextafter(end, start)
             parts.append(cut(tip.at, (start, inside), tip_size, halvings))
-    ball = cut(ball_curve, ball_angles, ball_size, halvings)
-    return Scene(ball, parts, np.stack([corner_r, corner_z], axis=1))
+    return parts
 
 
 def _smallest_sizes(tip: Chain, ball_height: float, radius: float) -> Float[np.ndarray, "c"]:
@@ -129,10 +146,12 @@ def _rim(tip: Chain, ball_height: float, contact_angle: float, radius: float) ->
     outermost = max(np.arcsin(min(1.0, radius)), contact_angle + 2 * _LEAST_RIM)
     angle = contact_angle + np.geomspace(_LEAST_RIM, outermost - contact_angle, 2000)
     width, _ = tip.nearest(np.sin(angle), ball_height + np.cos(angle))
-    decay = np.pi / np.maximum(width, 1e-9)
-    steps = np.diff(angle) * (decay[1:] + decay[:-1]) / 2
-    to_outermost = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
-    is_decayed = to_outermost > _DECAY
+
+    # The exponent from each angle to the outermost one, by the trapezoidal rule.
+    decay_rate = np.pi / np.maximum(width, 1e-9)
+    exponents = np.diff(angle) * (decay_rate[1:] + decay_rate[:-1]) / 2
+    exponent_to_outermost = np.append(np.cumsum(exponents[::-1])[::-1], 0.0)
+    is_decayed = exponent_to_outermost > _DECAY
     return float(angle[is_decayed][-1]) if is_decayed.any() else float(angle[0])
 
 
