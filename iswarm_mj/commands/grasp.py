@@ -62,8 +62,9 @@ class Grasp(GraspSettings):
         20.0,
     )
     """Voltages of the force-distance curves [V]."""
-    out: Path = Path("runs/grasp")
-    """Directory for the results; those of an earlier run in it are replaced."""
+    out: Path | None = None
+    """Directory for the results, in which those of an earlier run are replaced; runs/grasp by default,
+    and runs/force-curve with --force-curve."""
 
     def run(self) -> None:
         """Run the command."""
@@ -71,7 +72,7 @@ class Grasp(GraspSettings):
 
         if self.force_curve:
             self._check_curves()
-            run_force_curves(self, self.voltages, self.out)
+            run_force_curves(self, self.voltages, self.out or Path("runs/force-curve"))
             return
 
         last_trial = self.n_trials - 1
@@ -79,7 +80,7 @@ class Grasp(GraspSettings):
             check(
                 "record", number, f"the index of a trial, 0 to {last_trial}", number <= last_trial
             )
-        run_grasp(self, self.out, tuple(dict.fromkeys(self.record)))
+        run_grasp(self, self.out or Path("runs/grasp"), tuple(dict.fromkeys(self.record)))
 
     def _check_curves(self) -> None:
         """Refuse settings that force-distance curves do not follow, and too many curves."""

@@ -269,3 +269,11 @@ def test_trials_and_curves_do_not_replace_each_others_result(here, capfd, table,
     assert capfd.readouterr().err.startswith(sentence)
     assert (out / "result.json").read_text() == "earlier"
     assert names_in(out) == {table, "result.json"}
+
+
+def test_trials_and_curves_have_directories_of_their_own_by_default(here):
+    """As in README, where one command follows the other."""
+    trials = [word for word in ONE_TRIAL if word != "--out=out"]
+    assert code_of("grasp", *trials) == 0
+    assert code_of("grasp", "--force-curve", "--radius=20e-6", "--voltages=0") == 0
+    assert names_in(here / "runs") == {"grasp", "force-curve"}
