@@ -1,5 +1,6 @@
 """Packaging: the contents of the archives, and the versions that the project's files state."""
 
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -11,8 +12,10 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.version import Version
 
 import iswarm_mj
+from iswarm_mj.gripper.native.abi import KNOWN_RELEASES
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -124,6 +127,20 @@ def test_versions_agree():
     citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
     cited = re.findall(r'^version: "?([^"\s]+)"?$', citation, re.MULTILINE)
     assert [iswarm_mj.__version__, *cited] == [PROJECT["version"]] * 2
+
+
+def test_mujoco_and_mjx_are_of_one_known_release():
+    """It fails once an MJX for MuJoCo 4 is installed, which is then there to try."""
+    mjx = importlib.metadata.version("mujoco-mjx")
+    assert Version(mjx).major < 4, f"mujoco-mjx {mjx} exists: try it, and move both requirements"
+    assert mjx == importlib.metadata.version("mujoco")
+    assert mjx in KNOWN_RELEASES
+
+
+def test_mujoco_can_call_the_entry_point_of_its_plugins():
+    (plugins,) = PROJECT["entry-points"]["mujoco.plugins"].items()
+    register = importlib.metadata.EntryPoint(*plugins, group="mujoco.plugins").load()
+    assert sorted(register()) == ["iswarm.adhesion", "iswarm.electrostatic"]
 
 
 def test_the_lock_satisfies_the_requirements():

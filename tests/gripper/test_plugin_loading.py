@@ -1,6 +1,7 @@
 """The gripper's MuJoCo plugins: their attributes, and the cache of their compiled callbacks."""
 
 import pickle
+import runpy
 from pathlib import Path
 
 import mujoco
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.native import abi
 from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks
 from iswarm_mj.utils.errors import UserError
 
@@ -96,3 +98,10 @@ def test_unknown_state_fields_are_named(model):
     message = "no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, "
     with pytest.raises(UserError, match=message):
         plugin.state_index(model, "adhesion_plate", "gaps")
+
+
+def test_a_release_of_unknown_layout_is_refused_on_import(monkeypatch):
+    monkeypatch.setattr(mujoco, "__version__", "4.0.0")
+    message = r"need MuJoCo 3.17.0, .* \(got 4.0.0\); pip install mujoco==3.17.0 mujoco-mjx==3.17.0"
+    with pytest.raises(UserError, match=message):
+        runpy.run_path(abi.__file__)

@@ -18,6 +18,30 @@ from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
 from iswarm_mj.engines.mujoco_library import library
+from iswarm_mj.utils.errors import UserError
+
+KNOWN_RELEASES = ("3.17.0",)
+"""Releases of MuJoCo with whose headers the structs and callbacks below were compared."""
+
+
+def check_release(release: str) -> None:
+    """Check that the layout of a release of MuJoCo is known.
+
+    With another one, callbacks would read and write at wrong addresses.
+
+    Raises:
+        UserError: the release is not one of `KNOWN_RELEASES`.
+    """
+    if release not in KNOWN_RELEASES:
+        known = " or ".join(KNOWN_RELEASES)
+        newest = KNOWN_RELEASES[-1]
+        raise UserError(
+            f"The gripper's plugins need MuJoCo {known}, whose memory layout they know (got "
+            f"{release}); pip install mujoco=={newest} mujoco-mjx=={newest}"
+        )
+
+
+check_release(mujoco.__version__)
 
 PASSIVE = int(mujoco.mjtPluginCapabilityBit.mjPLUGIN_PASSIVE)
 """Capability of plugins that compute passive forces."""
