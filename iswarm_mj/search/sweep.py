@@ -16,6 +16,7 @@ from iswarm_mj.search.pool import progress
 from iswarm_mj.search.rows import Row, Rows, by
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.intervals import Interval, interval
 from iswarm_mj.utils.tables import aligned, write_table
 
 SWEEP = "sweep.parquet"
@@ -179,11 +180,13 @@ def _values(rows: Rows, name: str) -> np.ndarray:
     return np.array(values, float)
 
 
-def _median(rows: Rows, name: str) -> float:
+def _median_with_interval(rows: Rows, name: str) -> Interval:
     """Return the median of a measure over the worlds that have it; NaN if none has."""
     values = _values(rows, name)
     is_missing = np.isnan(values)
-    return np.nan if is_missing.all() else float(np.median(values[~is_missing]))
+    if is_missing.all():
+        return Interval(np.nan, np.nan, np.nan)
+    return interval(values[~is_missing], np.median)
 
 
 def _median_text(rows: Rows, name: str) -> str:
@@ -195,7 +198,7 @@ def _median_text(rows: Rows, name: str) -> str:
     n_late = sum(row["finished_at"] is None for row in rows)
     if name == "finished_at" and 2 * n_late >= len(rows):
         return f">{rows[0]['max_steps']}"
-    median = _median(rows, name)
+    median = _median_with_interval(rows, name).estimate
     if np.isnan(median):
         return "-"
 
@@ -208,13 +211,16 @@ def _draw(rows: Rows, over: Sequence[str], path: Path) -> None:
     """Draw a sweep: a panel for each measure.
 
     A panel shows medians and worlds over the first setting that varied, with a line for each
-    combination of the others.
+    combination of the others. A measure that no world has, such as the step of finishing where
+    none finished, has no panel.
     """
-    columns = _shown_columns(rows, over)
+    shown = _shown_columns(rows, over)
+    columns = [name for name in shown if any(row[name] is not None for row in rows)] or shown[:1]
     n_late = sum(row["finished_at"] is None for row in rows)
     caption = (
-        "Lines: medians; dots: worlds. "
-        f"{n_late} of {len(rows)} worlds had not finished at the time limit."
+        "Lines: medians; bars: their 95 % intervals by order statistics, of fewer than 6 worlds "
+        f"their ranges; dots: worlds.\n{n_late} of {len(rows)} worlds had not finished at the time "
+        "limit, which counts as their time."
     )
     with figure(path, columns=len(columns), size=(3.6, 2.9), caption=caption) as panels:
         for axes, name in zip(panels, columns, strict=True):
@@ -237,14 +243,15 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
 
     # A line for each combination of the other settings.
     lines = by(rows, *others).values() if others else [rows]
-    for rows_of_line in lines:
+    for rows_of_line, shift in zip(lines, _shifts(place_of_value, len(lines)), strict=True):
         label = ", ".join(str(rows_of_line[0][setting]) for setting in others)
+        shifted_place = {value: place + shift for value, place in place_of_value.items()}
         _draw_line(
             axes,
             rows_of_line,
             setting=first,
             name=name,
-            place_of_value=place_of_value,
+            place_of_value=shifted_place,
             label=label,
         )
 
@@ -255,6 +262,14 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
         axes.set_xticks(list(place_of_value.values()), words)
 
 
+def _shifts(place_of_value: Mapping[Any, float], n_lines: int) -> np.ndarray:
+    """Return how far each line (n_lines,) is shifted to the right, so that no bar hides another."""
+    places = sorted(place_of_value.values())
+    least_gap = np.diff(places).min(initial=np.inf)
+    total = 0.3 * least_gap if len(places) > 1 else 0.0
+    return total * (np.arange(n_lines) - (n_lines - 1) / 2) / n_lines
+
+
 def _draw_line(
     axes: Any,
     rows: Rows,
@@ -263,7 +278,7 @@ def _draw_line(
     place_of_value: Mapping[Any, float],
     label: str,
 ) -> None:
-    """Draw the medians of a measure as a line, and the worlds as dots of its colour.
+    """Draw the medians of a measure with their intervals as a line, and the worlds as dots.
 
     Args:
         axes: panel to draw into.
@@ -275,11 +290,15 @@ def _draw_line(
     """
     groups = by(rows, setting)
     places = [place_of_value[value] for value in groups]
-    medians = [_median(group, name) for group in groups.values()]
-    (line,) = axes.plot(places, medians, "-", label=label)
+    medians = [_median_with_interval(group, name) for group in groups.values()]
+    estimates = [median.estimate for median in medians]
+    below = [median.estimate - median.low for median in medians]
+    above = [median.high - median.estimate for median in medians]
+    line = axes.errorbar(places, estimates, yerr=(below, above), fmt="-", capsize=3, label=label)
 
     places_of_worlds = [place_of_value[row[setting]] for row in rows]
-    axes.plot(places_of_worlds, _values(rows, name), ".", color=line.get_color(), alpha=0.5)
+    colour = line.lines[0].get_color()
+    axes.plot(places_of_worlds, _values(rows, name), ".", color=colour, alpha=0.5)
 
 
 def places_on_axis(values: Iterable[Any]) -> dict[Any, float]:

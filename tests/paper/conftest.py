@@ -60,4 +60,4 @@ def random():
 @pytest.fixture(autouse=True)
 def _few_resamples(monkeypatch):
     """Use a fifth of the resamples, with which intervals are nearly as good."""
-    monkeypatch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 1999)
+    monkeypatch.setattr("iswarm_mj.utils.intervals.RESAMPLES", 1999)

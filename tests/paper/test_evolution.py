@@ -3,10 +3,10 @@
 import pytest
 from support.findings import changed, found_in, search_rows
 
-from iswarm_mj.paper.analysis import statistics
 from iswarm_mj.paper.analysis.evolution import Evolution
 from iswarm_mj.paper.analysis.evolution_statements import STATEMENTS, TRAITS
 from iswarm_mj.paper.analysis.findings import NOT_RUN, TOO_FEW, UNDECIDED
+from iswarm_mj.utils import intervals
 
 CLAIMS = [statement.claim for statement in STATEMENTS[: -len(TRAITS)]]
 RISES = CLAIMS[0]
@@ -29,7 +29,7 @@ class TestFindings:
 
     def test_one_difference_among_several_traits_may_be_chance(self, paper, random, monkeypatch):
         """The interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
-        monkeypatch.setattr(statistics, "RESAMPLES", 9999)  # for so near a miss
+        monkeypatch.setattr(intervals, "RESAMPLES", 9999)  # for so near a miss
         by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
         evolved = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})
         finding = found_in(evolved, random=by_chance)["Selection moves the density of robots"]

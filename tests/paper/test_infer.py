@@ -3,7 +3,6 @@
 import pytest
 
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
-from iswarm_mj.paper.analysis.statistics import Interval
 from iswarm_mj.paper.studies import reading_combinations
 from iswarm_mj.paper.studies.experiment import Plan, varied
 from iswarm_mj.paper.studies.reading_combinations import (
@@ -23,6 +22,7 @@ from iswarm_mj.paper.studies.reading_support import (
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search.rows import by
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.intervals import Interval
 
 N_COMBINATIONS = 40
 

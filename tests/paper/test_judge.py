@@ -19,8 +19,9 @@ from iswarm_mj.paper.analysis.judge import (
     judge_shares,
 )
 from iswarm_mj.paper.analysis.measures import COLLISIONS, DUST, TIME
-from iswarm_mj.paper.analysis.statistics import Interval, difference, smallest_p
+from iswarm_mj.paper.analysis.statistics import smallest_p
 from iswarm_mj.search.rows import by
+from iswarm_mj.utils.intervals import Interval, difference
 
 
 def rows(times, collisions=0.0, **labels):

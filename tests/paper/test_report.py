@@ -23,7 +23,7 @@ def written(results, tmp_path_factory):
     """Return the sections of a report, and its page."""
     path = tmp_path_factory.mktemp("report") / "report.html"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 1999)
+        patch.setattr("iswarm_mj.utils.intervals.RESAMPLES", 1999)
         sections = write_report([results], path)
     return sections, path.read_text()
 
@@ -103,7 +103,7 @@ class TestTables:
 @pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize("name", ["types", "sensitivity", "resolved-grasps", "infer"])
 def test_each_experiment_draws_its_table(tmp_path, name, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 99)
+    monkeypatch.setattr("iswarm_mj.utils.intervals.RESAMPLES", 99)
     rows, _ = read_table(RESULTS / name / EXPERIMENTS[name].table)
     EXPERIMENTS[name].draw(rows, tmp_path)
     assert list(tmp_path.glob("*.png"))

@@ -9,9 +9,7 @@ from scipy import stats
 
 from iswarm_mj.paper.analysis.statistics import (
     compare,
-    difference,
     holm,
-    interval,
     lowest_median_shares,
     multinomial_p,
     ratio,
@@ -20,6 +18,7 @@ from iswarm_mj.paper.analysis.statistics import (
     slope,
     smallest_p,
 )
+from iswarm_mj.utils.intervals import difference, interval
 
 NORMAL_QUANTILE = 1.96
 """Half width of a 95 % interval of a normal distribution, in standard deviations."""

@@ -1,6 +1,9 @@
 """Medians in the table of a sweep: worlds that have not finished count as the time limit."""
 
+from pathlib import Path
+
 import pytest
+from support.figures import captured
 
 from iswarm_mj.search import sweep
 
@@ -43,3 +46,32 @@ def test_medians_count_the_time_limit(finished_at, shown):
 def test_medians_are_no_powers_of_ten(collisions, shown):
     rows = [{**ROW, "finished_at": 40, "collisions": collisions}]
     assert medians(rows)["collisions"] == shown
+
+
+class TestFigure:
+    """Rows of two densities, with seven worlds each."""
+
+    TIMES = ((10, 20, 30, 40, 50, 60, 70), (5, 15, 25, 35, 45, 55, None))
+
+    def panels(self, monkeypatch, times):
+        """Return the panels of the figure by the labels of their vertical axes."""
+        axes = captured(monkeypatch, sweep)
+        rows = [
+            {**ROW, "density": density, "world": world, "finished_at": step}
+            for density, steps in zip((0.1, 0.2), times, strict=True)
+            for world, step in enumerate(steps)
+        ]
+        sweep._draw(rows, ["density"], Path("sweep"))
+        return {panel.get_ylabel(): panel for panel in axes["sweep"]}
+
+    def test_medians_have_the_intervals_of_order_statistics(self, monkeypatch):
+        """Of seven worlds the interval is the range: 2 / 2^7 is below 5 %, 2 (1 + 7) / 2^7 is not."""
+        panel = self.panels(monkeypatch, self.TIMES)["finished at step"]
+        (bars,) = panel.containers[0].lines[2]
+        ends = [segment[:, 1].tolist() for segment in bars.get_segments()]
+        assert ends == [[10, 70], [5, 100]]
+        assert panel.containers[0].lines[0].get_ydata().tolist() == [40, 35]
+
+    def test_a_measure_that_no_world_has_is_left_out(self, monkeypatch):
+        panels = self.panels(monkeypatch, [[None] * 7] * 2)
+        assert [*panels] == ["delivered"]

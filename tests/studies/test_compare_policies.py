@@ -9,10 +9,10 @@ from support.robots import robot_file
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.paper.analysis.statistics import interval
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.intervals import interval
 
 OUTCOMES = [
     Measures(5, 5, 30, 9.0, 120),

@@ -23,13 +23,13 @@ from hop_gradient import HopGradient
 from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.config.swarm import DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.paper.analysis.statistics import interval
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.neural import Neural, untrained
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.intervals import interval
 
 FRESH = 2**31 + 1
 """Seed of the worlds; trainings have others, unless they are given such."""

@@ -62,9 +62,10 @@ from iswarm_mj.paper.analysis.judge import (
     judge_shares,
 )
 from iswarm_mj.paper.analysis.measures import VOLTAGE, values
-from iswarm_mj.paper.analysis.statistics import Interval, difference, slope
+from iswarm_mj.paper.analysis.statistics import slope
 from iswarm_mj.search.rows import Rows, by, select
 from iswarm_mj.tasks.measures import Measures, fitness
+from iswarm_mj.utils.intervals import Interval, difference
 
 _RADIUS = 20e-6
 """Radius of a ball in the middle of the range [m]."""

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 
 from iswarm_mj.paper.analysis.measures import TIME, count_finished, values
-from iswarm_mj.paper.analysis.statistics import Interval, compare, difference, holm
+from iswarm_mj.paper.analysis.statistics import compare, holm
 from iswarm_mj.paper.analysis.varied_values import DEFAULT
 from iswarm_mj.search.rows import Rows, by, select
+from iswarm_mj.utils.intervals import Interval, difference
 
 
 class ChoiceEffect(NamedTuple):

@@ -39,8 +39,9 @@ from iswarm_mj.paper.analysis.judge import (
     judge_shares,
 )
 from iswarm_mj.paper.analysis.measures import PAPER_FITNESS
-from iswarm_mj.paper.analysis.statistics import Interval, compare, holm, interval
+from iswarm_mj.paper.analysis.statistics import compare, holm
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.intervals import Interval, interval
 
 MIN_EVOLUTIONS = 6
 """Minimum number of evolutions over which anything is judged: of five or fewer, not even the range

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any, NamedTuple
 
-from iswarm_mj.paper.analysis.statistics import Interval
+from iswarm_mj.utils.intervals import Interval
 
 HOLDS = "holds"
 FAILS = "does not hold"

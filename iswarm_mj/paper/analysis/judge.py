@@ -21,8 +21,10 @@ from iswarm_mj.paper.analysis.findings import (
     number_text,
 )
 from iswarm_mj.paper.analysis.measures import TIME, Measure, count_finished, values
-from iswarm_mj.paper.analysis.statistics import Comparison, Interval, Statistic, Values
+from iswarm_mj.paper.analysis.statistics import Comparison
 from iswarm_mj.search.rows import Rows
+from iswarm_mj.utils import intervals
+from iswarm_mj.utils.intervals import Interval, Statistic, Values
 
 MIN_RUNS = 5
 """Runs of a group below which nothing is judged: a Mann-Whitney test of 4 and 4 runs cannot reach a
@@ -255,7 +257,7 @@ def _estimate_difference(
     if comparison is not None:
         interval = comparison.difference
     else:
-        interval = st.difference(first, second, statistic)
+        interval = intervals.difference(first, second, statistic)
 
     first_text = number_text(float(statistic(first)))
     second_text = number_text(float(statistic(second)))
@@ -330,7 +332,7 @@ def judge_averages(
         smallest = number_text(min(sample), 4)
         largest = number_text(max(sample), 4)
         estimate = Estimate(
-            st.interval(sample, statistic),
+            intervals.interval(sample, statistic),
             sizes=(len(sample),),
             low=low,
             high=high,
@@ -379,7 +381,7 @@ def judge_optimum(
         f"{place:g}: {number_text(float(np.median(sample)))}" for place, sample in samples.items()
     )
     rule = (
-        f"holds if the lowest median lies inside in {100 * SURE_SHARE:.0f} % of {st.RESAMPLES} "
+        f"holds if the lowest median lies inside in {100 * SURE_SHARE:.0f} % of {intervals.RESAMPLES} "
         f"bootstrap resamples, does not if in {100 * (1 - SURE_SHARE):.0f} % at most"
     )
     return Judgement(

@@ -38,7 +38,6 @@ from iswarm_mj.paper.analysis.judge import (
     judge_shares,
 )
 from iswarm_mj.paper.analysis.measures import Measure, count_finished, values
-from iswarm_mj.paper.analysis.statistics import Interval, Statistic, Values, interval
 from iswarm_mj.paper.analysis.varied_values import (
     BALANCE,
     DEFAULT,
@@ -52,6 +51,7 @@ from iswarm_mj.paper.analysis.varied_values import (
     refused_rates,
 )
 from iswarm_mj.search.rows import Rows, by, select
+from iswarm_mj.utils.intervals import Interval, Statistic, Values, interval
 
 BALANCE_CHOICES = ("gripper.relative_humidity", "gripper.grasp_voltage")
 """Choices by which the balance of forces alone decides."""

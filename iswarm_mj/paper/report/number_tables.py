@@ -11,7 +11,7 @@ from iswarm_mj.paper.analysis.evolution import N_BEST, Evolutions
 from iswarm_mj.paper.analysis.findings import ALPHA, interval_text, number_text
 from iswarm_mj.paper.analysis.judge import EQUALITY_MARGIN, Estimate
 from iswarm_mj.paper.analysis.measures import Measure, count_finished, values
-from iswarm_mj.paper.analysis.statistics import interval, ratio, ratio_trend
+from iswarm_mj.paper.analysis.statistics import ratio, ratio_trend
 from iswarm_mj.paper.report.markdown import markdown_table
 from iswarm_mj.paper.studies.reading_support import (
     Combination,
@@ -25,6 +25,7 @@ from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search.best import LAST_GENERATIONS
 from iswarm_mj.search.rows import Rows, by, select
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.intervals import interval
 
 _TRIAL_COLUMNS = ("experiment", "relative_humidity")
 _TRIAL_MEASURES = (m.VOLTAGE,)

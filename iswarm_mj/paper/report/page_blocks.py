@@ -21,7 +21,6 @@ from iswarm_mj.paper.analysis.findings import (
     UNDECIDED,
     Finding,
 )
-from iswarm_mj.paper.analysis.statistics import LEVEL
 from iswarm_mj.paper.report.markdown import markdown_table
 from iswarm_mj.paper.report.number_tables import (
     engines_table,
@@ -44,6 +43,7 @@ from iswarm_mj.paper.report.results import (
 )
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import read_text
+from iswarm_mj.utils.intervals import LEVEL
 
 _BLOCK = re.compile(
     r"(?P<begin>^<!-- (?P<directory>results[\w./-]*): *(?P<name>[\w-]+)"

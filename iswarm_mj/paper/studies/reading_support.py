@@ -40,15 +40,10 @@ from iswarm_mj.paper.analysis.measures import (
     count_finished,
     values,
 )
-from iswarm_mj.paper.analysis.statistics import (
-    Interval,
-    holm,
-    interval,
-    multinomial_p,
-    share_interval,
-)
+from iswarm_mj.paper.analysis.statistics import holm, multinomial_p, share_interval
 from iswarm_mj.paper.studies.reading_combinations import DEFAULT_LABELS, FACTORS
 from iswarm_mj.search.rows import Rows, by
+from iswarm_mj.utils.intervals import Interval, interval
 
 ACCEPTED_SHARE = 0.05
 """Share of the combinations that is accepted."""

@@ -11,7 +11,6 @@ from matplotlib.ticker import MaxNLocator
 from iswarm_mj.output.palette import BLUE, DARK, GREEN
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.paper.analysis.plots import ORANGE, PALE
-from iswarm_mj.paper.analysis.statistics import Interval
 from iswarm_mj.paper.studies.reading_support import (
     Combination,
     Sample,
@@ -21,6 +20,7 @@ from iswarm_mj.paper.studies.reading_support import (
     support_of_factors,
 )
 from iswarm_mj.search.rows import Rows, by
+from iswarm_mj.utils.intervals import Interval
 
 _LIGHT = "#999999"
 _NAMED_COLOURS = (ORANGE, GREEN, DARK)
