@@ -97,6 +97,21 @@ def test_links_lead_to_pages_and_their_headings(page):
             assert anchor in anchors_of(target), f"{name}#{anchor}"
 
 
+def test_the_rates_on_the_first_page_are_those_on_the_page_on_performance():
+    performance = (DOCS / "performance.md").read_text(encoding="utf-8")
+    first_page = (DOCS / "index.md").read_text(encoding="utf-8")
+
+    row = r"the default, `--refinement 2` \| ([\d.]+), [\d.]+ %; ([\d.]+) mm \|.*\| ([\d.]+) \|"
+    share, deepest, core_ms = re.search(row, performance).groups()
+    assert f"**{283 / float(core_ms):.0f},000** robots" in first_page
+    assert f"**{deepest} mm** is the deepest overlap" in first_page
+    assert f"{float(share):.2f} % of them are deeper than 0.05 mm" in first_page
+
+    gpu_ms = re.search(r"1024 worlds of 283 robots take ([\d.]+) ms each", performance)[1]
+    assert f"**{1024 * 283 / float(gpu_ms) / 1e3:.0f} million** on one H200" in first_page
+    assert f"| {gpu_ms} ms | no GPU |" in first_page
+
+
 PROGRAMS = {
     "walk.py": "strategies.md",
     "gather.py": "tasks.md",

@@ -1,16 +1,16 @@
 """The common style of all figures, which are written as PNG and SVG."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from iswarm_mj.output.palette import DARK
+from iswarm_mj.output.palette import BLUE, DARK, ORANGE, SKY, YELLOW
 from iswarm_mj.utils.files import atomic_write
 
 STYLE: Any = {
@@ -56,6 +56,52 @@ def figure(
         for suffix, metadata in _METADATA.items():
             with atomic_write(path.with_name(path.name + suffix)) as part:
                 drawing.savefig(part, format=suffix[1:], metadata=metadata)
+
+
+class Theme(NamedTuple):
+    """Colours of a figure on a light or on a dark page."""
+
+    suffix: str
+    """End of the file's name, before ".svg"."""
+    ink: str
+    """Colour of text and axes."""
+    ours: str
+    """Colour of what is simulated."""
+    pale: str
+    """Colour of bars and areas of what is simulated."""
+    paper: str
+    """Colour of the paper's values."""
+
+
+LIGHT_PAGE = Theme("", "#222222", BLUE, "#a8c8e4", ORANGE)
+DARK_PAGE = Theme("-dark", "#d5d8e0", SKY, "#2c5878", YELLOW)
+
+
+def write_themed(path: Path, draw: Callable[[list[Axes], Theme], None], **layout: Any) -> None:
+    """Draw a figure for light and for dark pages, as SVG files with a transparent ground.
+
+    Letters are text, in the sans serif of the reader's browser.
+
+    Args:
+        path: path of the light figure, without suffix; that of the dark one ends with "-dark".
+        draw: draws on the axes in the colours of a theme.
+        layout: rows, columns and size, see `figure`.
+    """
+    for theme in (LIGHT_PAGE, DARK_PAGE):
+        style = {
+            **STYLE,
+            "svg.fonttype": "none",
+            "font.family": "sans-serif",
+            "savefig.transparent": True,
+            "axes.titlesize": 9,
+            "hatch.linewidth": 0.6,
+        }
+        inked = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+        with matplotlib.rc_context({**style, **dict.fromkeys(inked, theme.ink)}):
+            drawing, axes = blank(**layout)
+            draw(axes, theme)
+            with atomic_write(path.with_name(f"{path.name}{theme.suffix}.svg")) as part:
+                drawing.savefig(part, format="svg", metadata=_METADATA[".svg"])
 
 
 def blank(

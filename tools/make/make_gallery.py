@@ -60,7 +60,7 @@ class Scene(NamedTuple):
     """A run, and what is shown of it."""
 
     command: str
-    """Arguments of `iswarm`."""
+    """Arguments of `iswarm`; "{directory}" stands for where `write_files` wrote."""
     film: Film
 
 
@@ -147,9 +147,14 @@ SCENES = {
     ),
     "two_kinds": Scene(
         f"run {example('two_kinds', 'ByKind')} --strategy beeclust "
-        "--robot models/robot.xml:60 large.xml:40 --steps 400 "
+        "--robot models/robot.xml:60 {directory}/large.xml:40 --steps 400 "
         "--arena.size 34 --spot-radius 6 --spot-offset 9",
         film(0, 400, per_step=0.1),
+    ),
+    "learned": Scene("clean --strategy neural --steps 100", film(30, 52, draw=("links",))),
+    "walk": Scene(
+        f"clean --strategy {{directory}}/walk.py:Walk --robots 60 --steps 120 {SMALL}",
+        film(90, 114, draw=("trails",)),
     ),
     "six": Scene(
         f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60",
@@ -189,14 +194,15 @@ def unguarded_server() -> Iterator[viser.ViserServer]:
 
 
 def picture_of(server: viser.ViserServer) -> Image.Image:
-    """Return what the first browser of a server shows, without its panel, on white."""
+    """Return what the first browser of a server shows, without its panel.
+
+    What lies outside of the scene is transparent, so that pictures suit light and dark pages.
+    """
     server.flush()
     time.sleep(0.15)  # until the browser has what was sent
     client = next(iter(server.get_clients().values()))
-    rendered = Image.fromarray(client.get_render(HEIGHT, WIDTH, transport_format="png"))
-    picture = Image.new("RGBA", rendered.size, "white")
-    picture.alpha_composite(rendered.convert("RGBA"))
-    return picture.convert("RGB")
+    rendered = client.get_render(HEIGHT, WIDTH, transport_format="png")
+    return Image.fromarray(rendered).convert("RGBA")
 
 
 def pictures_of(server: viser.ViserServer, frames: Iterable[Any]) -> list[Image.Image]:
@@ -233,14 +239,24 @@ def write(path: Path, pictures: list[Image.Image], max_bytes: int = MAX_BYTES) -
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(pictures)} pictures", flush=True)
 
 
+def write_files(directory: Path) -> Path:
+    """Write the files that commands name into a directory, and return it.
+
+    They are large.xml, a robot that an example makes, and walk.py, a strategy on a page.
+    """
+    runpy.run_path(str(ROOT / "examples/two_kinds.py"))["write_large"](directory / "large.xml")
+    page = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
+    _, _, rest = page.partition("```python\n# walk.py")
+    code, _, _ = rest.partition("```")
+    (directory / "walk.py").write_text(code, encoding="utf-8")
+    return directory
+
+
 def make_scene(name: str) -> None:
     """Write the picture of a run, and the replay of the one that can be turned."""
     scene = SCENES[name]
-    write_large_robot = runpy.run_path(str(ROOT / "examples/two_kinds.py"))["write_large"]
     with tempfile.TemporaryDirectory() as directory:
-        large_robot = Path(directory, "large.xml")
-        write_large_robot(large_robot)
-        words = shlex.split(scene.command.replace(large_robot.name, str(large_robot)))
+        words = shlex.split(scene.command.format(directory=write_files(Path(directory))))
         out = f"{directory}/run"
         iswarm([*words, "--engine", "planar", "--out", out])
         run = load(out)

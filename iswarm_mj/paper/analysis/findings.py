@@ -120,6 +120,11 @@ def paper_statements(tests: Mapping[str, Test]) -> list[Statement]:
     return [Statement(**_PAPER_STATEMENTS[name], test=test) for name, test in tests.items()]
 
 
+def claim_of(test_name: str) -> str:
+    """Return the paper's statement that the test of this name in statements.csv judges."""
+    return _PAPER_STATEMENTS[test_name]["claim"]
+
+
 def added_statement(study: str, claim: str, test: Test) -> Statement:
     """Return a statement on a question that the paper does not study."""
     return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, "", test)

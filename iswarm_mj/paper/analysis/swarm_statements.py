@@ -2,7 +2,7 @@
 
 Those beyond are on other choices, failed robots, messages, grasps and time steps. Most rules were
 fixed before the runs that they judge; margins that were widened when first results had been seen
-are named in docs/comparison.md.
+are named in docs/statements.md.
 """
 
 import math

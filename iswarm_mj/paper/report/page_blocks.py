@@ -21,6 +21,7 @@ from iswarm_mj.paper.analysis.findings import (
     UNDECIDED,
     Finding,
 )
+from iswarm_mj.paper.report.beside_paper import cards, tally
 from iswarm_mj.paper.report.markdown import markdown_table
 from iswarm_mj.paper.report.number_tables import (
     engines_table,
@@ -51,7 +52,7 @@ _BLOCK = re.compile(
     r"(?:(?!^<!-- results).)*?(?P<end>^<!-- end -->$)",
     re.MULTILINE | re.DOTALL,
 )
-OVERVIEWS = ("summary", "statements", "misses")
+OVERVIEWS = ("summary", "statements", "misses", "tally", "beside")
 """Blocks on all topics."""
 ENGINES = "engines"
 """Block that compares the finishing times of two engines."""
@@ -137,6 +138,10 @@ class ResultBlocks:
             return f"{_summary(topics_at[directory])}\n\n{_family_wise(topics_at[directory])}"
         if name == "misses":
             return _misses(topics_at[directory])
+        if name == "tally":
+            return tally(topics_at[directory])
+        if name == "beside":
+            return cards(topics_at[directory], directory)
         if name == "statements":
             return _statements(topics_at[directory])
         return _numbers_and_verdicts({place: topic for place, (topic,) in topics_at.items()})

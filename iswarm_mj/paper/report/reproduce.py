@@ -14,8 +14,10 @@ from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.paper.analysis.bench_statements import TRANSPORT
+from iswarm_mj.paper.report.beside_paper import DIRECTORY
 from iswarm_mj.paper.report.html_report import write_report
 from iswarm_mj.paper.report.page_blocks import ResultBlocks, changed_pages
+from iswarm_mj.paper.report.paper_figures import write_figures
 from iswarm_mj.paper.report.results import GRASP, SEARCH, TRIALS, collect_results, topics_of
 from iswarm_mj.paper.studies.experiment import FINDINGS, Plan, run_experiment, settings_of
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
@@ -204,13 +206,14 @@ def reproduce(
 def rewrite_findings(results: Path, pages: Sequence[Path]) -> None:
     """Write the findings beside the tables, and the blocks of the pages, from existing results.
 
-    Nothing is written if a block has an unknown name.
+    The figures of the comparison with the paper are drawn, too. Nothing is written if a block has an unknown name.
 
     Args:
         results: directory of the parts.
         pages: Markdown files with blocks of results.
     """
-    topics = topics_of(collect_results([results]))
+    all_results = collect_results([results])
+    topics = topics_of(all_results)
     new_texts = changed_pages(pages, ResultBlocks().content)
 
     with locked(results):
@@ -219,6 +222,7 @@ def rewrite_findings(results: Path, pages: Sequence[Path]) -> None:
                 # Those on evolutions stand beside the first table of a search.
                 path = topic.results[0].path.with_name(FINDINGS)
                 write_csv(path, [finding._asdict() for finding in topic.findings])
+        write_figures(all_results, results / DIRECTORY)
     for path, text in new_texts.items():
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
