@@ -296,46 +296,55 @@ def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     the normal leads from one to the other, so that robots that pass corner to corner do not stop
     each other. The second point is then `APART`. MuJoCo has no contact there.
     """
-    dx = second.x - first.x
-    dy = second.y - first.y
+    # The reference rectangle, whose side has the axis, and where the incident one is from there.
     _, axis = separation(first, second)
     is_of_first = axis % 2 == X_OF_FIRST
     is_along_y = axis >= Y_OF_FIRST
     reference = choose(is_of_first, first, second)
     incident = choose(is_of_first, second, first)
-    x = where(is_of_first, dx, -dx)  # from the reference's centre to the incident one's
-    y = where(is_of_first, dy, -dy)
+    second_x = second.x - first.x
+    second_y = second.y - first.y
+    incident_x = where(is_of_first, second_x, -second_x)
+    incident_y = where(is_of_first, second_y, -second_y)
 
-    side = side_towards(reference, x, y, is_along_y)
-    ux = side.normal_x
-    uy = side.normal_y
-    across = abs(incident.cos * uy - incident.sin * ux)
-    along = abs(incident.cos * ux + incident.sin * uy)
-    facing_side = side_towards(incident, -ux, -uy, across > along)
-    ends = ends_of(side, facing_side, x, y)
+    # The reference side, with its outward normal, and the side of the other that faces it most.
+    side = side_towards(reference, incident_x, incident_y, is_along_y)
+    out_x = side.normal_x
+    out_y = side.normal_y
+    alignment_of_y = abs(incident.cos * out_y - incident.sin * out_x)
+    alignment_of_x = abs(incident.cos * out_x + incident.sin * out_y)
+    faces_with_y = alignment_of_y > alignment_of_x
+    facing_side = side_towards(incident, -out_x, -out_y, faces_with_y)
+
+    # What of that side is in front of the reference side, or else the nearest corners.
+    ends = ends_of(side, facing_side, incident_x, incident_y)
     front = clip_side(ends, side.half_width)
-
-    # The normal from the reference to the incident rectangle.
     corners = nearest_corners(ends, side.half_width)
-    normal_x = corners.cos * ux - corners.sin * uy
-    normal_y = corners.cos * uy + corners.sin * ux
+    are_corners = corners.are_nearest
 
-    # Seen from the first rectangle's centre, halfway between both surfaces.
-    centre_x = where(is_of_first, 0.0, dx)
-    centre_y = where(is_of_first, 0.0, dy)
-    start = where(corners.are_nearest, corners.corner + 0.5 * corners.aside, front.start)
-    start_height = where(corners.are_nearest, corners.height, front.start_height)
-    start_out = side.reach + 0.5 * start_height
-    end_out = side.reach + 0.5 * front.end_height
+    # The normal from the reference to the incident rectangle: that of the side, or between corners.
+    normal_x = corners.cos * out_x - corners.sin * out_y
+    normal_y = corners.cos * out_y + corners.sin * out_x
+
+    # Both points in the frame of the side: along it, and outwards, halfway between both surfaces.
+    along1 = where(are_corners, corners.corner + 0.5 * corners.aside, front.start)
+    height1 = where(are_corners, corners.height, front.start_height)
+    outwards1 = side.reach + 0.5 * height1
+    along2 = front.end
+    outwards2 = side.reach + 0.5 * front.end_height
+
+    # The same, seen from the first rectangle's centre.
+    reference_x = where(is_of_first, 0.0, second_x)
+    reference_y = where(is_of_first, 0.0, second_y)
     return ContactPoints(
         normal_x=where(is_of_first, normal_x, -normal_x),
         normal_y=where(is_of_first, normal_y, -normal_y),
-        x1=centre_x - start * uy + start_out * ux,
-        y1=centre_y + start * ux + start_out * uy,
-        distance1=where(corners.are_nearest, corners.distance, front.start_height),
-        x2=centre_x - front.end * uy + end_out * ux,
-        y2=centre_y + front.end * ux + end_out * uy,
-        distance2=where(corners.are_nearest, APART, front.end_height),
+        x1=reference_x - along1 * out_y + outwards1 * out_x,
+        y1=reference_y + along1 * out_x + outwards1 * out_y,
+        distance1=where(are_corners, corners.distance, front.start_height),
+        x2=reference_x - along2 * out_y + outwards2 * out_x,
+        y2=reference_y + along2 * out_x + outwards2 * out_y,
+        distance2=where(are_corners, APART, front.end_height),
     )
 
 

@@ -61,16 +61,22 @@ def outlines(
         tip: height of the tip's face over the ball's top, NaN beside the tip.
         ball: height of the ball's upper half, NaN beside the ball.
     """
-    r, z = points_of(profile)
-    half_width = _HALF_WIDTH * max(r[-1], ball_radius)
-    places = np.linspace(-half_width, half_width, _N_POINTS)
-    places = np.union1d(places, [-r[-1], r[-1], -ball_radius, ball_radius])
-    distance = np.abs(places)
+    face_r, face_z = points_of(profile)
+    tip_radius = face_r[-1]
 
-    tip = np.interp(distance, r, z) + _height_over_ball(profile, ball_radius)
-    tip[distance > r[-1]] = np.nan
-    depth = np.sqrt(np.maximum(ball_radius**2 - distance**2, 0.0)) - ball_radius
-    ball = np.where(distance <= ball_radius, depth, np.nan)
+    # Places from left to right, with the edges of tip and ball among them.
+    half_width = _HALF_WIDTH * max(tip_radius, ball_radius)
+    edges = [-tip_radius, tip_radius, -ball_radius, ball_radius]
+    places = np.union1d(np.linspace(-half_width, half_width, _N_POINTS), edges)
+    from_axis = np.abs(places)
+
+    # Heights over the top of the ball.
+    face_height = np.interp(from_axis, face_r, face_z) + _height_over_ball(profile, ball_radius)
+    tip = np.where(from_axis <= tip_radius, face_height, np.nan)
+
+    squared_height = np.maximum(ball_radius**2 - from_axis**2, 0.0)
+    ball_height = np.sqrt(squared_height) - ball_radius
+    ball = np.where(from_axis <= ball_radius, ball_height, np.nan)
     return places * UM, tip * UM, ball * UM
 
 

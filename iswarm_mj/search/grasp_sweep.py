@@ -57,22 +57,41 @@ def summary(rows: Rows, over: Sequence[str]) -> list[str]:
 
     A voltage is the mean with its range; "-" where no ball was lifted or released.
     """
-    shown = [row for row in rows if row["experiment"] != "no_contact"]
-    gaps = sorted({row["at_gap"] for row in shown if row["experiment"] == "release"})
+    in_contact = [row for row in rows if row["experiment"] != "no_contact"]
+    release_gaps = sorted({row["at_gap"] for row in in_contact if _is_release(row)})
     headings = [*over, "radius [um]", "RH [%]", "grasp [V]", "lifted"]
-    headings += [f"release at {gap * _UM:g} um [V]" for gap in gaps]
+    headings += [f"release at {gap * _UM:g} um [V]" for gap in release_gaps]
 
-    lines = [headings]
-    for group in by(shown, *over, "ball_radius", "relative_humidity").values():
-        first = group[0]
-        grasp = next(row for row in group if row["experiment"] == "grasp")
-        line = [str(first[name]) for name in over]
-        line += [f"{first['ball_radius'] * _UM:g}", f"{first['relative_humidity']:g}"]
-        line += [_voltage_text(grasp), f"{grasp['with_voltage']} of {grasp['trials']}"]
-        release_at = {row["at_gap"]: row for row in group if row["experiment"] == "release"}
-        line += [_voltage_text(release_at.get(gap)) for gap in gaps]
-        lines.append(line)
-    return aligned(lines)
+    rows_of_line = by(in_contact, *over, "ball_radius", "relative_humidity")
+    lines = [_line(group, over, release_gaps) for group in rows_of_line.values()]
+    return aligned([headings, *lines])
+
+
+def _line(rows: Rows, over: Sequence[str], release_gaps: Sequence[float]) -> list[str]:
+    """Return the cells of a line of the table.
+
+    Args:
+        rows: of one combination of what varied, radius and humidity: a grasp, and a release at
+            each of its gaps.
+        over: names of what varied.
+        release_gaps: gaps of releases that have a column [m].
+    """
+    first = rows[0]
+    (grasp,) = [row for row in rows if row["experiment"] == "grasp"]
+    release_at = {row["at_gap"]: row for row in rows if _is_release(row)}
+    return [
+        *(str(first[name]) for name in over),
+        f"{first['ball_radius'] * _UM:g}",
+        f"{first['relative_humidity']:g}",
+        _voltage_text(grasp),
+        f"{grasp['with_voltage']} of {grasp['trials']}",
+        *(_voltage_text(release_at.get(gap)) for gap in release_gaps),
+    ]
+
+
+def _is_release(row: Row) -> bool:
+    """Return whether a row is of releases."""
+    return row["experiment"] == "release"
 
 
 def _voltage_text(row: Row | None) -> str:
@@ -88,21 +107,21 @@ def _draw(rows: Rows, over: Sequence[str], path: Path) -> None:
     A line is of one combination of the others, of radius, humidity and gap.
     """
     first = over[0]
-    others = [*over[1:], "ball_radius", "relative_humidity", "at_gap"]
     place_of_value = places_on_axis([row[first] for row in rows])
+    has_words = any(value != place for value, place in place_of_value.items())
+
     caption = "Mean voltages of the trials in which a ball was lifted or released; bars: ranges."
     with figure(path, columns=2, size=(3.9, 4.6), caption=caption) as panels:
         for axes, experiment in zip(panels, ("grasp", "release"), strict=True):
-            with_voltage = [
-                row
-                for row in rows
-                if row["experiment"] == experiment and row["mean_voltage"] is not None
-            ]
-            lines = by(with_voltage, *others)
+            of_experiment = [row for row in rows if row["experiment"] == experiment]
+            with_voltage = [row for row in of_experiment if row["mean_voltage"] is not None]
+            lines = by(with_voltage, *over[1:], "ball_radius", "relative_humidity", "at_gap")
             for line in lines.values():
-                _draw_line(axes, line, [place_of_value[row[first]] for row in line], others)
+                places = [place_of_value[row[first]] for row in line]
+                _draw_line(axes, line, places, label=_label(line[0], over[1:]))
+
             axes.set(xlabel=_with_unit(first), ylabel=f"{experiment} voltage [V]")
-            if not all(value == place for value, place in place_of_value.items()):
+            if has_words:
                 axes.set_xticks(list(place_of_value.values()), list(map(str, place_of_value)))
             if 0 < len(lines) <= _MAX_LABELS:
                 axes.legend(fontsize=6, loc="upper left", bbox_to_anchor=(-0.05, -0.22))
@@ -115,22 +134,29 @@ def _with_unit(name: str) -> str:
     return f"{name} [{unit[1]}]" if unit else name
 
 
-def _draw_line(axes: Any, rows: Rows, places: Sequence[float], others: Sequence[str]) -> None:
+def _label(row: Row, varied: Sequence[str]) -> str:
+    """Return the label of a line.
+
+    Args:
+        row: one of its rows.
+        varied: names of the settings that varied, without that of the horizontal axis.
+    """
+    parts = [f"{row['ball_radius'] * _UM:g} µm", f"{row['relative_humidity']:g} % RH"]
+    if _is_release(row):
+        parts.append(f"gap {row['at_gap'] * _UM:g} µm")
+    parts += [f"{name} {row[name]}" for name in varied]
+    return ", ".join(parts)
+
+
+def _draw_line(axes: Any, rows: Rows, places: Sequence[float], label: str) -> None:
     """Draw means and ranges of voltages.
 
     Args:
         axes: panel to draw into.
         rows: rows of the line.
         places: their places on the horizontal axis.
-        others: names of the columns that are the same for all rows of the line.
+        label: of the line.
     """
-    row = rows[0]
-    label = f"{row['ball_radius'] * _UM:g} µm, {row['relative_humidity']:g} % RH"
-    if row["experiment"] == "release":
-        label += f", gap {row['at_gap'] * _UM:g} µm"
-    settings = [name for name in others if name not in ("relative_humidity", "ball_radius")]
-    label += "".join(f", {name} {row[name]}" for name in settings if name != "at_gap")
-
     means = [row["mean_voltage"] for row in rows]
     below = [row["mean_voltage"] - row["least_voltage"] for row in rows]
     above = [row["most_voltage"] - row["mean_voltage"] for row in rows]

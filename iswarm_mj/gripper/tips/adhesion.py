@@ -47,34 +47,44 @@ def gaps_of(profile: Profile, ball_radius: float, offset: float = 0.0) -> Gaps:
     """
     if offset > 0:
         return _gaps_beside(profile, ball_radius, offset)
+
+    # Rings about the ball's top, by their angles from it.
     seat = seat_of(profile, ball_radius)
     edges = _edges(seat.angle, 0.0, math.pi / 2)
-    angle = (edges[1:] + edges[:-1]) / 2
-    area = math.pi * ball_radius**2 * np.diff(np.sin(edges) ** 2)
+    angle = _middles(edges)
+    r = ball_radius * np.sin(angle)
     z = seat.height + ball_radius * np.cos(angle)
-    gap, _ = _with_wall(profile, ball_radius).nearest(ball_radius * np.sin(angle), z)
-    return Gaps(gap, area)
+    gap, _ = _with_wall(profile, ball_radius).nearest(r, z)
+    return Gaps(gap, _areas_of_rings(ball_radius, edges))
 
 
 def _gaps_beside(profile: Profile, ball_radius: float, offset: float) -> Gaps:
     """Return the gaps of a ball beside the axis, in rings about the place where it touches."""
-    height, contact_angle = _seat_beside(profile, ball_radius, offset)
+    centre_height, contact_angle = _seat_beside(profile, ball_radius, offset)
+
+    # Directions from the ball's centre in a frame whose pole is the place of contact: polar angles
+    # in rings, azimuths over half a turn, since both sides of the plane through the axes are alike.
     edges = _edges(0.0, 0.0, math.pi, _N_RINGS_BESIDE)
-    angle = ((edges[1:] + edges[:-1]) / 2)[:, None]
+    polar = _middles(edges)[:, None]
+    azimuth = math.pi * (np.arange(_N_SECTORS) + 0.5) / _N_SECTORS
+    towards_pole = np.broadcast_to(np.cos(polar), (len(polar), _N_SECTORS))
+    in_plane = np.sin(polar) * np.cos(azimuth)
+    out_of_plane = np.sin(polar) * np.sin(azimuth)
 
-    # Directions from the centre; the ball and its mirror image are the same, so half a turn does.
-    turn = math.pi * (np.arange(_N_SECTORS) + 0.5) / _N_SECTORS
-    across = np.sin(angle) * np.cos(turn)
-    along = np.broadcast_to(np.cos(angle), across.shape)
-    x = along * math.sin(contact_angle) + across * math.cos(contact_angle)
-    y = np.sin(angle) * np.sin(turn)
-    up = along * math.cos(contact_angle) - across * math.sin(contact_angle)
+    # The same directions in the tip's frame: x away from its axis, y out of the plane, and up. The
+    # pole is the vertical turned by the angle of contact.
+    sine = math.sin(contact_angle)
+    cosine = math.cos(contact_angle)
+    x = towards_pole * sine + in_plane * cosine
+    y = out_of_plane
+    up = towards_pole * cosine - in_plane * sine
 
+    # Places on the upper half of the ball, with their areas as seen from above.
     solid_angle = 2 * math.pi * -np.diff(np.cos(edges))[:, None] / _N_SECTORS
     is_upper = up > 0
     area = (ball_radius**2 * solid_angle * up)[is_upper]
     r = np.hypot(offset + ball_radius * x, ball_radius * y)[is_upper]
-    z = height + ball_radius * up[is_upper]
+    z = centre_height + ball_radius * up[is_upper]
     gap, _ = _with_wall(profile, ball_radius).nearest(r, z)
     return Gaps(gap, area)
 
@@ -87,6 +97,18 @@ def _edges(
     above = contact + (high - contact) * graded
     below = contact - (contact - low) * graded
     return np.unique(np.concatenate([below, above]))
+
+
+def _middles(edges: Float[np.ndarray, "edges"]) -> Float[np.ndarray, "rings"]:
+    """Return the angles in the middles of rings [rad]."""
+    return (edges[1:] + edges[:-1]) / 2
+
+
+def _areas_of_rings(
+    ball_radius: float, edges: Float[np.ndarray, "edges"]
+) -> Float[np.ndarray, "rings"]:
+    """Return the areas of rings about the ball's top, as seen from above [m^2]."""
+    return math.pi * ball_radius**2 * np.diff(np.sin(edges) ** 2)
 
 
 def _with_wall(profile: Profile, ball_radius: float) -> Chain:
@@ -131,12 +153,14 @@ def adhesion_radius(
         offset: distance of the ball's centre from the tip's axis [m].
     """
     gap, area = gaps_of(profile, ball_radius, offset)
+    pull_of_tip = (area / (reach + gap) ** 3).sum()
+
+    # The same at a plane, which the ball touches with its top.
     edges = _edges(0.0, 0.0, math.pi / 2)
-    plane_gap = ball_radius * (1 - np.cos((edges[1:] + edges[:-1]) / 2))
-    plane_area = math.pi * ball_radius**2 * np.diff(np.sin(edges) ** 2)
-    at_tip = (area / (reach + gap) ** 3).sum()
-    at_plane = (plane_area / (reach + plane_gap) ** 3).sum()
-    return ball_radius * float(at_tip / at_plane)
+    plane_gap = ball_radius * (1 - np.cos(_middles(edges)))
+    plane_area = _areas_of_rings(ball_radius, edges)
+    pull_of_plane = (plane_area / (reach + plane_gap) ** 3).sum()
+    return ball_radius * float(pull_of_tip / pull_of_plane)
 
 
 def pull_ratio(profile: Profile, ball_radius: float, gap: float, offset: float) -> float:

@@ -102,16 +102,23 @@ def _potentials(
         part: with n elements of charge density 1.
         side: 1, or -1 for the image of the part below the plane.
     """
+    # All elements by few nodes, as if they were far from the points.
     node, weight = np.polynomial.legendre.leggauss(_N_NODES)
     width = part.width
     ring_r, ring_z = part.curve(part.start[:, None] + width[:, None] * (node + 1) / 2)
     kernel = ring_potential(r[:, None, None], z[:, None, None], ring_r, side * ring_z)
     potentials = kernel @ (weight / 2) * width
 
-    foot, distance = _nearest_points(r, z, part, side)
+    # Those that are near by more nodes, since the kernel has a pole at the point.
+    nearest_share, distance = _nearest_points(r, z, part, side)
     point, element = np.nonzero(distance < _NEAR * width)
     potentials[point, element] = _near_potentials(
-        r[point], z[point], part, element, foot[point, element], side
+        r=r[point],
+        z=z[point],
+        part=part,
+        element=element,
+        nearest_share=nearest_share[point, element],
+        side=side,
     )
     return potentials
 
@@ -126,16 +133,19 @@ def _nearest_points(
     """
     start_r, start_z = part.curve(part.start)
     end_r, end_z = part.curve(part.end)
-    along_r = end_r - start_r
-    along_z = side * (end_z - start_z)
-    squared_length = along_r**2 + along_z**2
-    from_start_r = r[:, None] - start_r
-    from_start_z = z[:, None] - side * start_z
-    foot = np.clip((from_start_r * along_r + from_start_z * along_z) / squared_length, 0, 1)
-    distance = np.hypot(
-        r[:, None] - start_r - foot * along_r, z[:, None] - side * start_z - foot * along_z
-    )
-    return foot, distance
+
+    # Vectors from the start of each element: along its chord, and to each point.
+    chord_r = end_r - start_r
+    chord_z = side * (end_z - start_z)
+    point_r = r[:, None] - start_r
+    point_z = z[:, None] - side * start_z
+
+    # The nearest point is the projection on the chord, at most one of its ends.
+    projection = point_r * chord_r + point_z * chord_z
+    squared_length = chord_r**2 + chord_z**2
+    share = np.clip(projection / squared_length, 0, 1)
+    distance = np.hypot(point_r - share * chord_r, point_z - share * chord_z)
+    return share, distance
 
 
 def _near_potentials(
@@ -143,7 +153,7 @@ def _near_potentials(
     z: Float[np.ndarray, "p"],
     part: Elements,
     element: np.ndarray,
-    foot: Float[np.ndarray, "p"],
+    nearest_share: Float[np.ndarray, "p"],
     side: float,
 ) -> Float[np.ndarray, "p"]:
     """Return the potentials of elements at points near to them.
@@ -155,16 +165,20 @@ def _near_potentials(
         z: height of the points.
         part: to which the elements belong.
         element: (p,) index of the element of each point.
-        foot: the nearest point, see `_nearest_points`.
+        nearest_share: where the element is nearest to its point, see `_nearest_points`.
         side: 1, or -1 for the image of the part.
     """
+    # Gauss-Legendre nodes u from 0 to 1, moved to u^4, and their weights with its derivative.
     node, weight = np.polynomial.legendre.leggauss(_N_NODES_NEAR)
     u = (node + 1) / 2
     crowded = u**4
-    jacobian = 2 * u**3 * weight
-    foot = foot[:, None]
-    place = np.concatenate([foot * (1 - crowded), foot + (1 - foot) * crowded], axis=1)
-    weights = np.concatenate([foot * jacobian, (1 - foot) * jacobian], axis=1)
+    weight_of_crowded = 2 * u**3 * weight
+
+    # From the nearest point to the start of the element, and to its end.
+    before = nearest_share[:, None]
+    after = 1 - before
+    place = np.concatenate([before * (1 - crowded), before + after * crowded], axis=1)
+    weights = np.concatenate([before * weight_of_crowded, after * weight_of_crowded], axis=1)
 
     width = part.width
     ring_r, ring_z = part.curve(part.start[element, None] + width[element, None] * place)

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.gripper.tips.elements import (
+    Curve,
     Elements,
     charge_densities,
     cut,
@@ -38,7 +39,19 @@ _LEAST_RIM = 1e-3
 _PLATE_CONTACT = 1 / (1 + _DECAY / (2 * np.pi))
 """Angle within which the field of a ball on the plate is below exp(-20) of that at its side."""
 _LARGEST_SIZE = 0.4
-"""Largest size of an element on the ball, before `RESOLUTION`."""
+"""Largest size of an element on the ball, before `RESOLUTION` [ball radii]."""
+_SIZE_ON_ARC = 1.5
+"""Largest size of an element on an arc, in radii of the arc."""
+_LEAST_CURVATURE = 1e-3
+"""Curvature below which it shortens no element [1/ball radius]."""
+_SIZE_AT_CORNER = 0.02
+"""Size of an element at a corner, over the corner's distance from the ball."""
+_NEAREST_CORNER = 1e-2
+"""Distance from the ball below which a corner's elements become no smaller [ball radii]."""
+_SIZE_AT_TOP = 0.05
+"""Size of an element at the edge of the tip's top, in radii of the tip."""
+_SHORTEST_RUN = 1e-9
+"""Length from which a run between two corners gets elements [ball radii]."""
 
 
 class Scene(NamedTuple):
@@ -63,37 +76,58 @@ def scene_of(
         halvings: number of times that each element of the coarsest mesh is halved.
     """
     seat = seat_of(profile, ball_radius)
-    ball_height = 1 + (gap / ball_radius if task == "release" else 0.0)
-    tip_gap = gap / ball_radius if task == "pick" else 0.0
+    gap_in_radii = gap / ball_radius
+    plate_gap = gap_in_radii if task == "release" else 0.0
+    tip_gap = gap_in_radii if task == "pick" else 0.0
+
+    # Ball and tip in their places, in radii of the ball.
+    ball_height = 1 + plate_gap
+    ball_curve = sphere_curve(ball_height)
     tip = profile.with_wall(WALL_LENGTH * ball_radius).scaled(1 / ball_radius)
     tip = tip.raised(ball_height - seat.height / ball_radius + tip_gap)
-    radius = profile.radius / ball_radius
+    tip_radius = profile.radius / ball_radius
 
     # Contacts of bodies at one potential have no field near them, and elements without end.
-    ball_curve = sphere_curve(ball_height)
     if task == "release":
         contact_angle = np.arcsin(min(1.0, seat.radius / ball_radius))
-        rim = _rim(tip, ball_height, contact_angle, radius)
+        rim = _rim(tip, ball_height, contact_angle, tip_radius)
         ball_angles = (0.0, np.pi - rim)
         rim_r, rim_z = ball_curve(np.array([np.pi - rim]))
-        tip_start = float(tip.nearest(rim_r, rim_z)[1][0])
+        _, nearest_to_rim = tip.nearest(rim_r, rim_z)
+        tip_start = float(nearest_to_rim[0])
     else:
         ball_angles = (_PLATE_CONTACT, np.pi)
         tip_start = 0.0
 
-    def ball_size(angle):
-        r, z = ball_curve(angle)
-        from_tip, _ = tip.nearest(r, z)
-        return np.minimum.reduce([z, np.full_like(z, _LARGEST_SIZE), from_tip])
+    return Scene(
+        ball=_ball_elements(ball_curve, ball_angles, tip, halvings),
+        tip=_tip_elements(tip, ball_height, tip_radius, tip_start, halvings),
+        corners=_corners_of(tip),
+    )
 
-    ball = cut(ball_curve, ball_angles, ball_size, halvings)
-    parts = _tip_elements(tip, ball_height, radius, tip_start, halvings)
-    corners = np.stack([tip.start_r[tip.is_corner], tip.start_z[tip.is_corner]], axis=1)
-    return Scene(ball, parts, corners)
+
+def _ball_elements(
+    ball_curve: Curve, angles: tuple[float, float], tip: Chain, halvings: int
+) -> Elements:
+    """Return the elements of the ball, which are smaller near plate and tip.
+
+    Args:
+        ball_curve: the ball, by the angle from its lowest point.
+        angles: between which the ball has a field [rad].
+        tip: profile with its wall, in its place [ball radii].
+        halvings: see `scene_of`.
+    """
+
+    def size(angle: np.ndarray) -> np.ndarray:
+        r, from_plate = ball_curve(angle)
+        from_tip, _ = tip.nearest(r, from_plate)
+        return np.minimum(_LARGEST_SIZE, np.minimum(from_plate, from_tip))
+
+    return cut(ball_curve, angles, size, halvings)
 
 
 def _tip_elements(
-    tip: Chain, ball_height: float, radius: float, tip_start: float, halvings: int
+    tip: Chain, ball_height: float, tip_radius: float, tip_start: float, halvings: int
 ) -> list[Elements]:
     """Return the elements of the tip, a run of them between each corner and the next.
 
@@ -102,48 +136,57 @@ def _tip_elements(
     Args:
         tip: profile with its wall, in its place [ball radii].
         ball_height: height of the ball's centre above the plate [ball radii].
-        radius: radius of the tip [ball radii].
+        tip_radius: radius of the tip [ball radii].
         tip_start: arc length before which a contact leaves no field [ball radii].
         halvings: see `scene_of`.
     """
-    corners = np.stack([tip.start_r[tip.is_corner], tip.start_z[tip.is_corner]], axis=1)
-    smallest = _smallest_sizes(tip, ball_height, radius)
+    corners = _corners_of(tip)
+    sizes_at_corners = _sizes_at_corners(tip, ball_height, tip_radius)
 
-    def tip_size(arc_length):
-        r, z = tip.at(arc_length)
-        sizes = [np.hypot(r, z - ball_height) - 1, z]
-        for (corner_r, corner_z), smallest_size in zip(corners, smallest, strict=True):
-            sizes.append(np.hypot(r - corner_r, z - corner_z) + smallest_size)
+    def size(arc_length: np.ndarray) -> np.ndarray:
+        r, from_plate = tip.at(arc_length)
+        from_ball = np.hypot(r, from_plate - ball_height) - 1
         curvature = np.abs(tip.curvature[tip.piece_at(arc_length)])
-        sizes.append(1.5 / np.maximum(curvature, 1e-3))
-        return np.minimum.reduce(sizes)
+        of_curvature = _SIZE_ON_ARC / np.maximum(curvature, _LEAST_CURVATURE)
 
+        smallest = np.minimum(np.minimum(from_ball, from_plate), of_curvature)
+        for (corner_r, corner_z), size_at_corner in zip(corners, sizes_at_corners, strict=True):
+            from_corner = np.hypot(r - corner_r, from_plate - corner_z)
+            smallest = np.minimum(smallest, from_corner + size_at_corner)
+        return smallest
+
+    # The runs end at the corners and at the top's end; what lies before `tip_start` has no field.
     ends = np.append(tip.start[tip.is_corner], tip.total)
     starts = np.concatenate([[0.0], ends[:-1]])
-    parts = []
+    runs = []
     for start, end in zip(np.maximum(starts, tip_start), ends, strict=True):
-        if end - start > 1e-9:
-            inside = np.nextafter(end, start)
-            parts.append(cut(tip.at, (start, inside), tip_size, halvings))
-    return parts
+        if end - start > _SHORTEST_RUN:
+            just_before_end = np.nextafter(end, start)
+            runs.append(cut(tip.at, (start, just_before_end), size, halvings))
+    return runs
 
 
-def _smallest_sizes(tip: Chain, ball_height: float, radius: float) -> Float[np.ndarray, "c"]:
+def _corners_of(tip: Chain) -> Float[np.ndarray, "c 2"]:
+    """Return the sharp edges (r, z) of a tip."""
+    return np.stack([tip.start_r[tip.is_corner], tip.start_z[tip.is_corner]], axis=1)
+
+
+def _sizes_at_corners(tip: Chain, ball_height: float, tip_radius: float) -> Float[np.ndarray, "c"]:
     """Return the size of the elements at each corner of a tip; the last one is that of its top."""
-    r = tip.start_r[tip.is_corner]
-    z = tip.start_z[tip.is_corner]
+    r, z = _corners_of(tip).T
     from_ball = np.hypot(r, z - ball_height) - 1
-    sizes = 0.02 * np.minimum(np.maximum(from_ball, 1e-2), min(radius, 1.0))
-    sizes[-1] = 0.05 * radius
+    scale = np.minimum(np.maximum(from_ball, _NEAREST_CORNER), min(tip_radius, 1.0))
+    sizes = _SIZE_AT_CORNER * scale
+    sizes[-1] = _SIZE_AT_TOP * tip_radius
     return sizes
 
 
-def _rim(tip: Chain, ball_height: float, contact_angle: float, radius: float) -> float:
+def _rim(tip: Chain, ball_height: float, contact_angle: float, tip_radius: float) -> float:
     """Return the angle from the ball's top beyond which a touching contact has a field.
 
     In a channel of width g between equal potentials the field falls as exp(-integral of pi / g).
     """
-    outermost = max(np.arcsin(min(1.0, radius)), contact_angle + 2 * _LEAST_RIM)
+    outermost = max(np.arcsin(min(1.0, tip_radius)), contact_angle + 2 * _LEAST_RIM)
     angle = contact_angle + np.geomspace(_LEAST_RIM, outermost - contact_angle, 2000)
     width, _ = tip.nearest(np.sin(angle), ball_height + np.cos(angle))
 
@@ -151,8 +194,10 @@ def _rim(tip: Chain, ball_height: float, contact_angle: float, radius: float) ->
     decay_rate = np.pi / np.maximum(width, 1e-9)
     exponents = np.diff(angle) * (decay_rate[1:] + decay_rate[:-1]) / 2
     exponent_to_outermost = np.append(np.cumsum(exponents[::-1])[::-1], 0.0)
-    is_decayed = exponent_to_outermost > _DECAY
-    return float(angle[is_decayed][-1]) if is_decayed.any() else float(angle[0])
+
+    # The last angle from which on the field has decayed.
+    decayed = angle[exponent_to_outermost > _DECAY]
+    return float(decayed[-1]) if len(decayed) else float(angle[0])
 
 
 class Solution(NamedTuple):
@@ -176,27 +221,34 @@ def solve(
     """Return force and fields; arguments as `scene_of`."""
     scene = scene_of(profile, ball_radius, gap, task, halvings)
     ball_potential = 1.0 if task == "release" else 0.0
-    parts = [scene.ball, *scene.tip]
-    ball_density, *tip_densities = charge_densities(
-        parts, [ball_potential, *(1.0 for _ in scene.tip)]
-    )
+    tip_potentials = [1.0] * len(scene.tip)
+    densities = charge_densities([scene.ball, *scene.tip], [ball_potential, *tip_potentials])
+    ball_density = densities[0]
+    tip_densities = densities[1:]
 
     upwards = upward_force(scene.ball, ball_density)
     force = -upwards if task == "release" else upwards
 
+    # The field at a conductor is its charge density. At a sharp edge it has no bound.
     tip_field = 0.0
     for part, density in zip(scene.tip, tip_densities, strict=True):
-        r, z = part.middles
-        from_edges = np.full(len(r), np.inf)
-        for edge_r, edge_z in scene.corners:
-            from_edges = np.minimum(from_edges, np.hypot(r - edge_r, z - edge_z))
-        field = np.abs(density[from_edges > EDGE])
+        is_counted = _distance_from_edges(part, scene.corners) > EDGE
+        field = np.abs(density[is_counted])
         tip_field = max(tip_field, float(field.max(initial=0.0)))
     return Solution(
         force=VACUUM_PERMITTIVITY * force,
         ball_field=float(np.abs(ball_density).max()) / ball_radius,
         tip_field=tip_field / ball_radius,
     )
+
+
+def _distance_from_edges(part: Elements, edges: Float[np.ndarray, "c 2"]) -> Float[np.ndarray, "n"]:
+    """Return the distance of each element from the nearest sharp edge, infinite without any."""
+    r, z = part.middles
+    distance = np.full(len(r), np.inf)
+    for edge_r, edge_z in edges:
+        distance = np.minimum(distance, np.hypot(r - edge_r, z - edge_z))
+    return distance
 
 
 def extrapolated_force(profile: Profile, ball_radius: float, gap: float, task: Task) -> float:

@@ -75,6 +75,33 @@ class Chain:
 
     def nearest(self, r: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the distance of points (m,) from the chain, and the arc length nearest to them."""
+        # Candidates are the foot of each point on each piece. That on an arc may be farther away
+        # than an end of the arc, if the point is on the far side of the circle.
+        feet = self._feet(r, z)
+        candidates = [feet]
+        if self._is_arc.any():
+            candidates.append(np.zeros_like(feet))
+            candidates.append(np.broadcast_to(self.length, feet.shape))
+        arc_lengths = self.start[:, None] + np.stack(candidates, axis=-1)
+
+        # An arc length at which a piece ends belongs to the next piece: stop just before it.
+        last = np.nextafter(self.start + self.length, self.start)
+        candidate_r, candidate_z = self.at(np.minimum(arc_lengths, last[:, None]))
+        distances = np.hypot(
+            r[:, None, None] - candidate_r,
+            z[:, None, None] - candidate_z,
+        )
+
+        # The nearest of all candidates of a point.
+        arc_lengths = arc_lengths.reshape(len(r), -1)
+        distances = distances.reshape(len(r), -1)
+        best = distances.argmin(axis=1)
+        point = np.arange(len(r))
+        return distances[point, best], arc_lengths[point, best]
+
+    def _feet(self, r: np.ndarray, z: np.ndarray) -> Float[np.ndarray, "m n"]:
+        """Return how far along each piece the feet of points (m,) are, at most at its ends."""
+        # Each point as seen from the start of each piece: along its first heading, and to the left.
         across = r[:, None] - self.start_r
         up = z[:, None] - self.start_z
         cosine = np.cos(self.heading)
@@ -82,28 +109,18 @@ class Chain:
         along = across * cosine + up * sine
         left = up * cosine - across * sine
 
-        # On a line the foot is as far along; on an arc it is at the angle about the centre, which
-        # lies 1 / curvature to the left.
-        is_arc = np.abs(self.curvature * self.length) > _STRAIGHT
-        curvature = np.where(is_arc, self.curvature, 1.0)
-        arc_radius = 1 / np.abs(curvature)
-        angle = np.arctan2(along, arc_radius - left * np.sign(curvature))
-        foot = np.where(is_arc, angle * arc_radius, along)
-        foot = np.clip(foot, 0.0, self.length)
+        # The foot on a line is as far along as the point. The foot on an arc is at the angle about
+        # its centre, which lies one radius to the left, or to the right of an arc to the right.
+        curvature = np.where(self._is_arc, self.curvature, 1.0)
+        radius = 1 / np.abs(curvature)
+        angle = np.arctan2(along, radius - left * np.sign(curvature))
+        foot = np.where(self._is_arc, radius * angle, along)
+        return np.clip(foot, 0.0, self.length)
 
-        # On an arc the clipped foot may be farther away than the other end.
-        ends = [np.zeros_like(foot), np.broadcast_to(self.length, foot.shape)]
-        candidates = np.stack([foot, *ends] if is_arc.any() else [foot])
-        places = self.start + candidates
-        last = np.nextafter(self.start + self.length, self.start)
-        foot_r, foot_z = self.at(np.minimum(places, last))
-        distance = np.hypot(r[:, None] - foot_r, z[:, None] - foot_z)
-
-        distance = np.moveaxis(distance, 0, -1).reshape(len(r), -1)
-        places = np.moveaxis(places, 0, -1).reshape(len(r), -1)
-        best = distance.argmin(axis=1)
-        rows = np.arange(len(r))
-        return distance[rows, best], places[rows, best]
+    @cached_property
+    def _is_arc(self) -> Bool[np.ndarray, "n"]:
+        """Whether each piece is an arc, and no straight line."""
+        return np.abs(self.curvature * self.length) > _STRAIGHT
 
     def scaled(self, factor: float) -> "Chain":
         """Return the chain with all lengths times a factor."""
@@ -227,18 +244,26 @@ def seat_of(profile: Profile, ball_radius: float) -> Seat:
     """
     face = profile.face
     arc_length = _dense(face)
-    room = _room(face, arc_length, ball_radius)
-    best = int(room.argmin())
-    if best == 0 or room[0] - room[best] < 1e-9 * ball_radius:
-        return Seat(height=float(room[0]), radius=0.0, angle=0.0)
+    stop_height = _stop_height(face, arc_length, ball_radius)
+    lowest = int(stop_height.argmin())
 
-    # The least within the neighbouring samples.
-    span = np.linspace(arc_length[best - 1], arc_length[min(best + 1, len(room) - 1)], 2001)
-    finer = _room(face, span, ball_radius)
-    place = float(span[finer.argmin()])
-    height = float(finer.min())
-    r, _ = (float(value) for value in face.at(np.array(place)))
-    return Seat(height=height, radius=r, angle=math.asin(min(1.0, r / ball_radius)))
+    # On the axis, unless a place beside it stops the ball earlier by more than rounding.
+    at_axis = float(stop_height[0])
+    is_on_axis = lowest == 0 or at_axis - stop_height[lowest] < 1e-9 * ball_radius
+    if is_on_axis:
+        return Seat(height=at_axis, radius=0.0, angle=0.0)
+
+    # The lowest place between the neighbours of the lowest sample.
+    before = arc_length[lowest - 1]
+    after = arc_length[min(lowest + 1, len(arc_length) - 1)]
+    span = np.linspace(before, after, 2001)
+    stop_height = _stop_height(face, span, ball_radius)
+    place = float(span[stop_height.argmin()])
+
+    r, _ = face.at(np.array(place))
+    radius = float(r)
+    angle = math.asin(min(1.0, radius / ball_radius))
+    return Seat(height=float(stop_height.min()), radius=radius, angle=angle)
 
 
 def _dense(chain: Chain) -> np.ndarray:
@@ -247,7 +272,7 @@ def _dense(chain: Chain) -> np.ndarray:
     return np.unique(np.concatenate([ends, np.linspace(0, chain.total, 4001)]))
 
 
-def _room(chain: Chain, arc_length: np.ndarray, ball_radius: float) -> np.ndarray:
+def _stop_height(chain: Chain, arc_length: np.ndarray, ball_radius: float) -> np.ndarray:
     """Return the height at which points of a chain stop a ball's centre, infinite beside it."""
     r, z = chain.at(arc_length)
     is_above = r <= ball_radius
