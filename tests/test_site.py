@@ -266,6 +266,13 @@ def test_commands_run(page, example):
         run(shortened(arguments, shortening_flags(words)))
 
 
+CHROMIUM = "/usr/bin/chromium"
+WIDER_TABLES = """
+    [...document.querySelectorAll(".md-content table")]
+        .filter((table) => table.getBoundingClientRect().right > innerWidth + 1)
+        .map((table) => table.textContent.trim().slice(0, 40))
+"""
+"""Script that returns the beginnings of the tables that do not fit the window."""
 SHORTER = {
     "steps=200": "steps=3",
     "range(50)": "range(2)",
@@ -307,6 +314,24 @@ def test_python_runs(name, example):
         run_python(["-c", block], example)
 
 
+def test_pictures_with_a_dark_variant_follow_the_page():
+    pytest.importorskip("mkdocs")
+    from mkdocs.structure.files import File, Files
+    from mkdocs.structure.pages import Page
+    from site_pictures import on_page_markdown
+
+    config = {"site_dir": "site", "use_directory_urls": False, "docs_dir": str(DOCS)}
+    names = ("page.md", "figures/results/plot.svg", "figures/results/plot-dark.svg", "film.webp")
+    files = Files([File(name, str(DOCS), "site", use_directory_urls=False) for name in names])
+    page = Page.__new__(Page)
+    page.file = files.get_file_from_path("page.md")
+    text = "![A plot](../results/plot.svg) ![A film](film.webp)"
+    shown = on_page_markdown(text, page=page, files=files, config=config)
+    name = "figures/results/plot"
+    plot = f"![A plot]({name}.svg#only-light)![A plot]({name}-dark.svg#only-dark)"
+    assert shown == f"{plot} ![A film](film.webp)"
+
+
 @pytest.mark.slow
 class TestSite:
     @pytest.fixture(scope="class")
@@ -335,3 +360,23 @@ class TestSite:
         for name in ("Run.advance", "load", "envs.single_env", "gripper.grasp_voltage"):
             assert f'id="iswarm_mj.{name}"' in text
         assert "Take the next control steps" in text
+
+    def test_nothing_is_wider_than_a_phone(self, site):
+        """Tables that do not fit are shown as lists."""
+        sync_api = pytest.importorskip("playwright.sync_api")
+        if not Path(CHROMIUM).exists():
+            pytest.skip(f"needs {CHROMIUM}")
+        with sync_api.sync_playwright() as playwright:
+            browser = playwright.chromium.launch(
+                executable_path=CHROMIUM, args=["--no-sandbox", "--disable-dev-shm-usage"]
+            )
+            phone = browser.new_page(viewport={"width": 390, "height": 800})
+            n_lists = 0
+            for page in sorted(site.glob("*.html")):
+                phone.goto(page.as_uri())
+                phone.wait_for_timeout(200)
+                n_lists += phone.locator("[data-stacked]").count()
+                assert phone.evaluate("document.documentElement.scrollWidth") == 390, page.name
+                assert phone.evaluate(WIDER_TABLES) == [], page.name
+            browser.close()
+        assert n_lists > 20
