@@ -37,6 +37,8 @@ from .output.loading import load as load
 from .player.page import Page as Page
 from .player.page import play as play
 from .search.best import Best as Best
+from .search.compare import compare as compare
+from .search.comparison import Comparison as Comparison
 from .search.methods import Operators as Operators
 from .search.search import evolve as evolve
 from .search.settings import SearchPlan as SearchPlan

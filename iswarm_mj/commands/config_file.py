@@ -30,6 +30,8 @@ _FLAG_OF_SETTING = {
 """Flags of the settings of a run in result.json."""
 _ENDS_A_RUN = ("steps", "stop_at")
 """Settings by which runs end, which the page does not have."""
+_REPLACED_RULES = {"strategy": "genome", "genome": "strategy"}
+"""Flag of the rules that each flag of rules replaces."""
 _OF_GRASP = "grasp."
 """Beginning of the names of settings in the table [grasp]."""
 _REMEDY = "name a TOML file, with lines as `steps = 300` or `[arena]`, or a result.json"
@@ -64,8 +66,10 @@ class ConfigFile:
         """
         if path.suffix == ".json":
             content = read_json(path, _REMEDY, what="--config ")
-            return cls(path, _values_of_result(path, content, given_flags), True)
+            values = _values_of_result(path, content, given_flags)
+            return cls(path, _without_other_rules(values, given_flags), True)
         values = read_toml(path, _REMEDY, what="--config ")
+        values = _without_other_rules(values, given_flags)
         of_grasp = {
             name.removeprefix(_OF_GRASP): value
             for name, value in values.items()
@@ -194,6 +198,12 @@ class ConfigFile:
         raise UserError(f"--config {self.path}: {shown(name)} must be {kinds} (got {shown(value)})")
 
 
+def _without_other_rules(values: dict[str, Any], given_flags: Collection[str]) -> dict[str, Any]:
+    """Return values without the genome that a given strategy replaces, or without the strategy."""
+    replaced = {other for rule, other in _REPLACED_RULES.items() if rule in given_flags}
+    return {name: value for name, value in values.items() if name not in replaced}
+
+
 def _names_of_grasp() -> set[str]:
     """Return the names of the flags of `iswarm grasp`."""
     return {setting.name for setting in settings(Grasp())}
@@ -226,7 +236,8 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
     if part("genome"):
         values["genome"] = str(path)
     for kind in SETTING_OF_FLAG:
-        if part(kind):
+        is_replaced = _REPLACED_RULES.get(kind) in given_flags
+        if part(kind) and not is_replaced:
             values |= _values_of_plugin(path, kind, part(kind), given_flags)
     return {name: value for name, value in values.items() if value is not None}
 

@@ -14,6 +14,7 @@ from iswarm_mj._version import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.command_settings import ineffective_settings, settings, without_effect
+from iswarm_mj.commands.compare import Compare
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.fit import Fit
@@ -36,6 +37,7 @@ COMMANDS: dict[str, type] = {
     "run": Run,
     "play": Play,
     "sweep": Sweep,
+    "compare": Compare,
     "inspect": Inspect,
     "picture": Picture,
     "bench": Bench,
@@ -71,8 +73,8 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: help or the version was printed.
     """
     name, *rest = arguments or [""]
-    if name == "sweep":  # which knows some flags, and passes on the others
-        return Sweep.parse(rest)
+    if name in ("sweep", "compare"):  # which know some flags, and pass on the others
+        return COMMANDS[name].parse(rest)
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
         return parse_command(name, COMMANDS[name], rest)
@@ -171,7 +173,7 @@ def _kept_results(command: Any) -> str:
     match command:
         case Clean():  # and run
             return "; anything recorded so far is kept"
-        case Evolve() | Train() | Experiment() | Reproduce() | Sweep():
+        case Evolve() | Train() | Experiment() | Reproduce() | Sweep() | Compare():
             return "; finished runs are kept; repeat the command to continue"
     return ""
 

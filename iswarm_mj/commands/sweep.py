@@ -144,7 +144,7 @@ class Sweep:
                 error_of_idle[name] = _in_flags_of(without_effect(name, reason), command)
 
             row = dict(zip(over, row_labels, strict=True))
-            variants.append(Variant(row, self._identity(command), make_run))
+            variants.append(Variant(row, identity_of(self.command, command), make_run))
 
         for name, error in error_of_idle.items():
             if name not in effective:
@@ -170,14 +170,20 @@ class Sweep:
             arguments += _argument(name, value)
         return parse(self.command, _COMMANDS[self.command], arguments)
 
-    def _identity(self, command: Any) -> str:
-        """Return a text of all that determines the results of a run."""
-        content = [
-            (setting.name, str(setting.value), _hash_of_files(setting.value))
-            for setting in settings(command)
-            if setting.name != "out"
-        ]
-        return repr((self.command, content))
+
+def identity_of(name: str, command: Any) -> str:
+    """Return a text of all that determines the results of a run.
+
+    Args:
+        name: name of the command.
+        command: the command with its settings.
+    """
+    content = [
+        (setting.name, str(setting.value), _hash_of_files(setting.value))
+        for setting in settings(command)
+        if setting.name != "out"
+    ]
+    return repr((name, content))
 
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

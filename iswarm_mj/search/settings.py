@@ -1,4 +1,4 @@
-"""Settings of searches and trainings, which are flags of their commands."""
+"""Settings of searches, trainings and comparisons, which are flags of their commands."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.search.methods import Operators
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
+from iswarm_mj.utils.constraints import Above, Needs, Within, check, constraint_of, validate
 
 Seed = Annotated[int, Within(0, 2**32 - 2)]
 Steps = Annotated[int, Within(1, 1_000_000)]
@@ -65,3 +65,32 @@ class TrainingPlan:
     """Standard deviation of the weights at the start."""
     seed: Seed = 0
     """Seed of all random numbers."""
+
+
+DEFAULT_WORLDS = 32
+"""Worlds of each candidate by default."""
+MAX_WORLDS = 100_000
+StatisticName = Literal["mean", "median"]
+"""Statistic over worlds that is compared."""
+
+
+@dataclass(frozen=True)
+class ComparisonPlan:
+    """Number of worlds of a comparison, and what is compared."""
+
+    worlds: Annotated[int | None, Within(2, MAX_WORLDS)] = None
+    """Worlds of each candidate, 32 by default, or as many as a finished run has; with a precision
+    the number that is added at a time."""
+    precision: Annotated[float | None, Above(0, 1)] = None
+    """Add worlds until half the 95 % interval of the difference is at most this share of the first
+    candidate's mean, or median."""
+    max_worlds: Annotated[int, Within(2, MAX_WORLDS), Needs("precision")] = 1024
+    """Maximum number of worlds of each candidate."""
+    measure: str | None = None
+    """Measure that the result is about: a column of the table. By default the step of finishing if
+    a world finished, else the balls delivered, or the first metric of the task."""
+    statistic: StatisticName = "mean"
+    """Statistic over worlds. Worlds that did not finish count as their last step."""
+
+    def __post_init__(self):
+        validate(self)

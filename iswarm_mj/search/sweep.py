@@ -52,7 +52,7 @@ def sweep(
         A row for each world: values of what varies, world, measures and metrics; `fault`, the text
         of its fault or None.
     """
-    return run_variants(variants, out, about, again, rows_of=_rows_of_run, draw=_draw)
+    return run_variants(variants, out, about, again, rows_of=rows_of_run, draw=_draw)
 
 
 def run_variants(
@@ -88,32 +88,44 @@ def run_variants(
     return rows
 
 
-def _rows_of_run(run: Run) -> list[dict[str, Any]]:
+def rows_of_run(run: Run) -> list[dict[str, Any]]:
     """Carry out a run, and return a row for each of its worlds."""
     while not run.is_over:
         run.advance()
 
-    content = result(run, 0.0)
+    rows = rows_of_result(result(run, 0.0))
+    for row, world, fault in zip(rows, run.worlds, run.fault_of_each, strict=True):
+        row["n_robots"] = world.n_robots
+        row["fault"] = None if fault is None else str(fault)
+    return rows
+
+
+def rows_of_result(content: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return a row for each world of the content of a result.json, faults left out.
+
+    Columns are seed, world, number of robots, maximum number of steps, goal, metrics of the task,
+    measures, and `fault`, which is None.
+    """
     columns = dict(content["metrics"])
     for name in (*Measures._fields, "fitness"):
         if name in content:
             columns[name] = content[name]
-    n_worlds = len(run.worlds)
+    n_worlds = content["n_worlds"]
     if n_worlds == 1:  # whose result has values in place of lists
         columns = {name: [value] for name, value in columns.items()}
 
     rows = []
-    for world, fault in enumerate(run.fault_of_each):
+    for world in range(n_worlds):
         row = {
             "seed": content["seed"],
             "world": world,
-            "n_robots": run.worlds[world].n_robots,
+            "n_robots": content["n_robots"],
             "max_steps": content["max_steps"],
             "goal": content["stop_at"],
         }
         for name, values in columns.items():
             row[name] = values[world]
-        row["fault"] = None if fault is None else str(fault)
+        row["fault"] = None
         rows.append(row)
     return rows
 

@@ -122,6 +122,11 @@ def find(kind: PluginKind, name: str, shipped: Mapping[str, Any] | None = None) 
         return plugin.load() if isinstance(plugin, EntryPoint) else plugin
 
 
+def installed(kind: PluginKind) -> list[str]:
+    """Return the names under which installed packages offer classes or objects."""
+    return sorted({point.name for point in entry_points(group=kind.group)})
+
+
 def offered(kind: PluginKind, class_name: str, field_names: set[str]) -> str | None:
     """Return the name of the entry point of a class with these fields.
 

@@ -66,9 +66,27 @@ def difference(first: Values, second: Values, statistic: Statistic = np.median) 
     )
 
 
-def bootstrap(statistic: Statistic, *samples: Values) -> Interval:
-    """Return a statistic of independent samples with its percentile interval."""
+def bootstrap(
+    statistic: Statistic, *samples: Values, is_paired: bool = False, is_expanded: bool = False
+) -> Interval:
+    """Return a statistic of samples with its percentile interval.
+
+    Percentile intervals of few values are too narrow, by the factor of a normal quantile to one of
+    Student's distribution and of n to n - 1 in the variance. Expanded ones have the level that
+    mends this: 97.5 instead of 95 % for 8 values.
+
+    Args:
+        statistic: statistic of the samples along `axis`.
+        *samples: samples of any sizes.
+        is_paired: samples are of one size, and value number k of all of them is drawn together.
+        is_expanded: expand the interval by the size of the smallest sample.
+
+    Source: Hesterberg, The American Statistician 69, 371 (2015), section 4.3, on expansion.
+    """
     arrays = [np.asarray(values, float) for values in samples]
+    level = LEVEL.get()
+    if is_expanded:
+        level = _expanded_level(level, n_values=min(map(len, arrays)))
 
     # SciPy wants at least two values; resamples of a value given twice are the same.
     resampled = [np.repeat(values, 2) if len(values) == 1 else values for values in arrays]
@@ -76,9 +94,18 @@ def bootstrap(statistic: Statistic, *samples: Values) -> Interval:
         resampled,
         statistic,
         n_resamples=RESAMPLES,
-        confidence_level=LEVEL.get(),
+        confidence_level=level,
         method="percentile",
+        paired=is_paired,
         batch=max(1, _MAX_DRAWN // max(map(len, resampled))),
         rng=np.random.default_rng(0),
     )
     return Interval(float(statistic(*arrays, axis=-1)), *map(float, result.confidence_interval))
+
+
+def _expanded_level(level: float, n_values: int) -> float:
+    """Return the level of an expanded percentile interval, see `bootstrap`; below 2 values 1."""
+    if n_values < 2:
+        return 1.0
+    quantile = stats.t.ppf((1 + level) / 2, n_values - 1) * np.sqrt(n_values / (n_values - 1))
+    return float(2 * stats.norm.cdf(quantile) - 1)

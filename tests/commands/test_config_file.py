@@ -139,6 +139,18 @@ class TestResult:
         monkeypatch.setattr(library, "entry_points", points_of_group)
 
     @pytest.mark.usefixtures("own_tasks_are_installed")
+    @pytest.mark.parametrize(
+        "rules", [{"genome": {"fraction_scouts": 0.5}}, {"strategy": STRATEGY}]
+    )
+    def test_other_rules_replace_its_own(self, here, rules):
+        """With its task, they are those of a candidate that is compared with the run."""
+        content = {"settings": {"n_robots": 9}, "config": {}, "task": TASK, **rules}
+        (here / "result.json").write_text(json.dumps(content))
+        bees = parse(["run", "--config", "result.json", "--strategy", "beeclust"])
+        scouts = parse(["run", "--config", "result.json", "--genome", "type2"])
+        assert type(bees.strategy_plugin).__name__ == "Beeclust" and bees.robots == 9
+        assert scouts.strategy_plugin.fraction_scouts == 0.27 and not scouts.controller
+
     def test_it_names_its_task_and_its_strategy(self, here):
         result = {"settings": {"seed": 3}, "config": {}, "strategy": STRATEGY, "task": TASK}
         (here / "bees.json").write_text(json.dumps(result))

@@ -12,7 +12,7 @@ from iswarm_mj.commands.flags import flag
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.utils.constraints import constraint_of
 
-POSITIONAL = {"name", "directory", "command", "command_arguments", "table"}
+POSITIONAL = {"name", "directory", "command", "command_arguments", "candidates", "table"}
 """Fields of commands that are no flags."""
 LENGTH = 900
 """Number of characters within which the help of a flag has its range."""

@@ -37,7 +37,7 @@ def pretended_runs(monkeypatch):
         row |= {"count": len(runs), "fault": None}
         return [{**row, "world": world} for world in range(2)]
 
-    monkeypatch.setattr(runner, "_rows_of_run", rows_of_run)
+    monkeypatch.setattr(runner, "rows_of_run", rows_of_run)
     return runs
 
 

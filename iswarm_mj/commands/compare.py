@@ -1,0 +1,237 @@
+"""`iswarm compare`: strategies, tasks, settings and finished runs in the same worlds."""
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import tyro
+
+from iswarm_mj.commands.clean import Run
+from iswarm_mj.commands.command_settings import (
+    ineffective_settings,
+    refuse_changed,
+    settings,
+    without_effect,
+)
+from iswarm_mj.commands.flags import flag, in_flags, names
+from iswarm_mj.commands.parser import parse
+from iswarm_mj.commands.sweep import identity_of
+from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.search.settings import DEFAULT_WORLDS, ComparisonPlan
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
+from iswarm_mj.utils.files import read_toml
+
+_KINDS = (
+    "a strategy, a task or a genome by its name, FILE.py:CLASS, a genome in JSON, a TOML file, "
+    "or the directory of a finished run"
+)
+_WITHOUT_EFFECT = ("record_worlds", "record_grasps", "record")
+"""Settings of the runs that have no effect, since nothing is recorded."""
+_OWN_FLAGS = ("--worlds", "--precision", "--max-worlds", "--measure", "--statistic", "--out")
+"""Flags of the comparison itself that take a value; all others but switches are those of runs."""
+_SWITCHES = ("--again", "-h", "--help", "--help-all")
+"""Flags of the comparison itself that take no value."""
+
+
+@dataclass(frozen=True)
+class Compare(ComparisonPlan):
+    """Compare strategies, tasks, settings or finished runs in the same worlds.
+
+    It writes all worlds as a table, the effects with intervals as JSON, and a figure. Further flags
+    are those of `iswarm run`, for all candidates.
+    """
+
+    MAIN: ClassVar = ()
+
+    candidates: tyro.conf.Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="CANDIDATE")]
+    ] = ()
+    """At least two: strategies, tasks and genomes by their names, FILE.py:CLASS, genomes in JSON,
+    TOML files for --config, directories of finished runs; teams in quotes, as
+    "a.py:A=0.7 type2=0.3". Each is compared with the first."""
+    again: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Repeat runs that --out already holds."""
+    out: Path = Path("runs/compare")
+    """Directory for the results; an interrupted comparison resumes there."""
+    command_arguments: tyro.conf.Suppress[tyro.conf.Fixed[tuple[str, ...]]] = ()
+    """Arguments of the runs."""
+
+    @classmethod
+    def parse(cls, arguments: Sequence[str]) -> "Compare":
+        """Return the comparison that arguments describe: candidates, own flags, those of runs."""
+        own_arguments, command_arguments = _split(arguments)
+        return replace(parse("compare", cls, own_arguments), command_arguments=command_arguments)
+
+    def run(self) -> None:
+        """Run the command."""
+        from iswarm_mj.search.compare import finished_candidate, gather
+
+        if len(self.candidates) < 2:
+            got = shown(" ".join(self.candidates)) if self.candidates else "none"
+            raise UserError(
+                f"a comparison needs at least two candidates (got {got}), each {_KINDS}"
+            )
+        named = _short_names(self.candidates)
+
+        # A finished run determines the settings of the candidates that are still to be run.
+        directories = {name: Path(word) for name, word in named.items() if Path(word).is_dir()}
+        finished = {
+            name: finished_candidate(name, directory) for name, directory in directories.items()
+        }
+        base = next(iter(directories.values()), None)
+        candidates = [
+            finished.get(name) or self._candidate(name, word, base) for name, word in named.items()
+        ]
+        comparison = gather(candidates, self._plan, self.out, again=self.again)
+        comparison.write(self.out)
+        print("\n".join(comparison.table()))
+        print()
+        print("\n".join(comparison.sentences()))
+        print(f"\n{comparison.statistic}s over worlds; figure, worlds and intervals: {self.out}")
+
+    @property
+    def _plan(self) -> ComparisonPlan:
+        """The plan without the settings of the command."""
+        return ComparisonPlan(
+            worlds=self.worlds,
+            precision=self.precision,
+            max_worlds=self.max_worlds,
+            measure=self.measure,
+            statistic=self.statistic,
+        )
+
+    def _candidate(self, name: str, word: str, base: Path | None) -> Any:
+        """Return a `Candidate` whose runs are still to be carried out.
+
+        Args:
+            name: its name in results.
+            word: word of the command line.
+            base: directory of the first finished run among the candidates; None without any.
+
+        Raises:
+            UserError: the word names nothing that can be compared, or the settings are refused.
+        """
+        arguments = [*_arguments_of(word), *self.command_arguments]
+        if base is not None:
+            arguments += _arguments_of_base(base, word, arguments)
+        # The comparison chooses the number of worlds, whatever a file says.
+        arguments.append(f"--worlds={self.worlds or DEFAULT_WORLDS}")
+        try:
+            command = parse("run", Run, arguments)
+        except UserError as error:
+            raise UserError(f"{name}: {error}") from None
+        try:
+            refuse_changed(command, _WITHOUT_EFFECT, "in a comparison, which records nothing")
+            for setting, reason in ineffective_settings(command).items():
+                raise without_effect(setting, reason)
+            scenario = command.scenario()
+        except UserError as error:
+            known = [setting.name for setting in settings(command)]
+            raise UserError(f"{name}: {in_flags(error, known)}") from None
+        from iswarm_mj.search.compare import scenario_candidate
+
+        return scenario_candidate(name, scenario, identity_of("run", command))
+
+
+def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Return the candidates with the flags of the comparison, and the arguments of the runs.
+
+    Words after a flag of the runs are its values; all other words are candidates, or values of the
+    comparison's flags.
+    """
+    candidates: list[str] = []
+    own_flags: list[str] = []
+    of_runs: list[str] = []
+    is_own = True
+    takes_value = False
+    for word in arguments:
+        if word.startswith("-"):
+            name = word.partition("=")[0].replace("_", "-")
+            is_own = name in (*_OWN_FLAGS, *_SWITCHES)
+            takes_value = name in _OWN_FLAGS and "=" not in word
+            (own_flags if is_own else of_runs).append(word)
+        elif not is_own:
+            of_runs.append(word)
+        elif takes_value:
+            own_flags.append(word)
+            takes_value = False
+        else:
+            candidates.append(word)
+    return [*candidates, *own_flags], tuple(of_runs)
+
+
+def _short_names(words: Sequence[str]) -> dict[str, str]:
+    """Return the words of the command line by the names that candidates have in results.
+
+    A class in a file is called by its class and a file by its stem where that is distinct.
+    """
+    short_names = []
+    for word in words:
+        path, colon, class_name = word.rpartition(":")
+        is_class = bool(colon) and path.endswith(".py") and " " not in word
+        is_file = word.endswith((".toml", ".json"))
+        short_names.append(class_name if is_class else Path(word).stem if is_file else word)
+
+    named: dict[str, str] = {}
+    for word, short_name in zip(words, short_names, strict=True):
+        name = short_name if short_names.count(short_name) == 1 else word
+        if name in named:
+            raise UserError(f"{shown(word)} is compared with itself; name each candidate once")
+        named[name] = word
+    return named
+
+
+def _arguments_of(word: str) -> list[str]:
+    """Return the arguments of `iswarm run` for a candidate.
+
+    Raises:
+        UserError: the word names nothing that can be compared.
+    """
+    suffix = Path(word).suffix
+    if suffix in (".toml", ".json"):
+        check("candidate", word, "an existing file", Path(word).is_file())
+        return [flag("config" if suffix == ".toml" else "genome"), word]
+    if word in PRESETS:
+        return ["--genome", word]
+    if " " in word:
+        return ["--strategy", *shlex.split(word)]
+
+    from iswarm_mj.strategy.library import STRATEGIES, TASKS, find, installed
+
+    if word in installed(TASKS):
+        return ["--task", word]
+    if ":" in word or suffix == ".py":
+        is_task = hasattr(find(STRATEGIES, word), TASKS.method)
+        return ["--task" if is_task else "--strategy", word]
+    known = [*installed(STRATEGIES), *installed(TASKS)]
+    if word not in known:
+        similar = closest(word, known)
+        remedy = f"perhaps you meant {similar}" if similar else f"installed: {', '.join(known)}"
+        raise ConfigError("candidate", word, _KINDS, remedy)
+    return ["--strategy", word]
+
+
+def _arguments_of_base(base: Path, word: str, arguments: Sequence[str]) -> list[str]:
+    """Return further arguments of a candidate that is compared with a finished run.
+
+    A strategy or a task gets all settings of the run, and a TOML file with settings of its own the
+    seed, so that layouts are the same. What is given stays as it is.
+
+    Args:
+        base: directory of the finished run.
+        word: the candidate.
+        arguments: arguments of the candidate so far.
+    """
+    given = names(arguments)
+    if "config" not in given:
+        return ["--config", str(base / RESULT)]
+    is_seeded = "seed" in given or "seed" in read_toml(Path(word), "name a TOML file")
+    if is_seeded:
+        return []
+    from iswarm_mj.output.loading import read_result
+
+    return [f"--seed={read_result(base / RESULT)['seed']}"]

@@ -1,0 +1,115 @@
+"""Effects between two candidates: hand-worked values, and the coverage of their intervals."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from iswarm_mj.search.effects import effect, estimate, superiority
+from iswarm_mj.utils import intervals
+
+LIMIT = 400.0
+"""Step at which made-up worlds end that did not finish."""
+
+
+@pytest.fixture(autouse=True)
+def _few_resamples(monkeypatch):
+    """Use a twentieth of the resamples, with which intervals are nearly as good."""
+    monkeypatch.setattr(intervals, "RESAMPLES", 499)
+
+
+class TestValues:
+    def test_superiority_counts_pairs_and_half_of_the_ties(self):
+        """Of the nine pairs the second is larger in six, and two are ties."""
+        first = np.array([1.0, 3.0, 5.0])
+        second = np.array([3.0, 5.0, 7.0])
+        assert superiority(first, second) == pytest.approx((6 + 2 / 2) / 9)
+        assert superiority(second, first) == pytest.approx(1 - superiority(first, second))
+
+    def test_superiority_is_that_of_the_mann_whitney_test(self):
+        rng = np.random.default_rng(0)
+        first = rng.integers(0, 9, (4, 12)).astype(float)
+        second = rng.integers(0, 9, (4, 7)).astype(float)
+        u = stats.mannwhitneyu(second, first, axis=1).statistic
+        np.testing.assert_allclose(superiority(first, second), u / (12 * 7))
+
+    @pytest.mark.parametrize(("statistic", "difference"), [("mean", -2.0), ("median", -1.0)])
+    def test_difference_and_ratio_are_those_of_the_statistic(self, statistic, difference):
+        first = [2, 3, 4, 5, 3, 13]
+        second = [1, 2, 3, 4, 2, 6]
+        result = effect(first, second, statistic=statistic)
+        reference = {"mean": 5.0, "median": 3.5}[statistic]
+        assert result.difference.estimate == pytest.approx(difference)
+        assert result.ratio.estimate == pytest.approx((reference + difference) / reference)
+        assert (result.first, result.second) == (reference, reference + difference)
+
+    def test_pairs_leave_out_what_layouts_have_in_common(self):
+        """The second candidate needs one step more in each layout, which differ by hundreds."""
+        first = np.array([100.0, 200, 300, 400, 500, 600, 700, 800])
+        paired = effect(first, first + 1, is_paired=True)
+        assert paired.difference == (1, 1, 1) and paired.is_decided
+        unpaired = effect(first, first + 1)
+        assert unpaired.difference.low < -100 and not unpaired.is_decided
+
+    @pytest.mark.filterwarnings("error")
+    @pytest.mark.parametrize("first", [[0] * 6, [-1, 1, 2, 3, 4, 5], [0, 0, 0, 0, 0, 1]])
+    def test_there_is_no_ratio_to_zero_or_of_negative_values(self, first):
+        assert effect(first, [1, 2, 3, 4, 5, 6]).ratio is None
+
+    def test_five_worlds_decide_nothing(self):
+        assert not effect([1, 2, 3, 4, 5], [11, 12, 13, 14, 15]).is_decided
+        assert effect([1, 2, 3, 4, 5, 6], [11, 12, 13, 14, 15, 16]).is_decided
+
+    def test_separate_worlds_leave_the_superiority_a_range(self):
+        """With 8 worlds, an outcome of probability 0.63 can come out the same 8 times in 40."""
+        result = effect(np.arange(8.0), np.arange(8.0) + 10)
+        low = 0.025 ** (1 / 8)
+        assert result.superiority == pytest.approx((1, low, 1))
+
+    def test_few_values_have_wider_intervals(self):
+        """Of 4 values the level is that of 3.67 standard errors instead of 1.96."""
+        values = [1.0, 2.0, 4.0, 9.0]
+        expanded = estimate(values, "mean")
+        plain = intervals.bootstrap(np.mean, values)
+        assert expanded.low < plain.low and plain.high < expanded.high
+
+
+def made_up_times(rng, n_worlds, of_layouts):
+    """Return steps of finishing (n,): log-normal, correlated by layout, and cut at `LIMIT`."""
+    noise = rng.normal(size=n_worlds)
+    return np.minimum(np.round(300 * np.exp(0.3 * (of_layouts + noise))), LIMIT)
+
+
+def coverage(n_comparisons, n_worlds, *, statistic, is_paired, seed=0):
+    """Return how often intervals of equal candidates hold no effect: difference, ratio, A."""
+    rng = np.random.default_rng(seed)
+    n_held = np.zeros(3)
+    for _ in range(n_comparisons):
+        of_layouts = rng.normal(size=n_worlds) if is_paired else 0.0
+        first = made_up_times(rng, n_worlds, of_layouts)
+        second = made_up_times(rng, n_worlds, of_layouts)
+        result = effect(first, second, statistic=statistic, is_paired=is_paired)
+        for place, (interval, value) in enumerate(
+            ((result.difference, 0), (result.ratio, 1), (result.superiority, 0.5))
+        ):
+            n_held[place] += interval.low <= value <= interval.high
+    return n_held / n_comparisons
+
+
+def test_intervals_of_equal_candidates_hold_no_effect():
+    """In 200 comparisons, a twentieth of the intervals leave it out."""
+    held = coverage(200, 16, statistic="mean", is_paired=True)
+    assert held.min() >= 0.93 and held.max() <= 0.97
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n_worlds", [16, 32])
+@pytest.mark.parametrize("is_paired", [False, True])
+def test_intervals_of_means_have_their_level(n_worlds, is_paired):
+    held = coverage(2000, n_worlds, statistic="mean", is_paired=is_paired)
+    assert held.min() >= 0.93 and held.max() <= 0.97
+
+
+@pytest.mark.slow
+def test_intervals_of_medians_are_not_too_narrow():
+    held = coverage(1000, 16, statistic="median", is_paired=True)
+    assert held.min() >= 0.95
