@@ -156,33 +156,49 @@ def _draw_best_fitness(panel: Axes, samples: Sequence[Evolution], theme: Theme) 
 
 def _draw_trade_off(panel: Axes, samples: Sequence[Evolution], theme: Theme) -> None:
     """Draw forgetting against scouts: a line through the fittest swarms of each evolution."""
-    label = "ours: trend of the 250 fittest"
     for sample in samples:
-        scouts = np.array([row["fraction_scouts"] for row in sample.fittest])
-        forgetting = np.array([row["p_vector_forget"] for row in sample.fittest])
-        if np.ptp(scouts) > 0:
-            slope, _ = np.polyfit(scouts, forgetting, 1)
-            ends = np.quantile(scouts, [0.05, 0.95])
-            line = forgetting.mean() + slope * (ends - scouts.mean())
-            panel.plot(ends, line, color=theme.ours, lw=1.2, label=label)
-            panel.plot(scouts.mean(), forgetting.mean(), "o", color=theme.ours, ms=3)
-            label = ""
+        _draw_trend(panel, sample, theme)
+    panel.plot([], [], color=theme.ours, lw=1.2, label="ours: trend of the 250 fittest")
 
+    # The paper's two types, and the means of its swarms that clean the arena.
     types = {"1": TYPE1, "2": TYPE2}
-    scouts_of_types = [genome.fraction_scouts for genome in types.values()]
-    forgetting_of_types = [genome.p_vector_forget for genome in types.values()]
+    scouts = [genome.fraction_scouts for genome in types.values()]
+    forgetting = [genome.p_vector_forget for genome in types.values()]
     label = "paper: types 1 and 2"
-    panel.plot(scouts_of_types, forgetting_of_types, "D--", color=theme.paper, ms=6, label=label)
+    panel.plot(scouts, forgetting, "D--", color=theme.paper, ms=6, label=label)
     for name, genome in types.items():
         place = (genome.fraction_scouts, genome.p_vector_forget)
         panel.annotate(name, place, (5, 3), textcoords="offset points", color=theme.paper)
-    (scouts, scouts_spread), (forgetting, spread) = _SCOUTS_OF_CLEAN, _FORGETTING_OF_CLEAN
-    label = "paper: clean swarms, SD"
+    scouts_mean, scouts_spread = _SCOUTS_OF_CLEAN
+    forgetting_mean, forgetting_spread = _FORGETTING_OF_CLEAN
     panel.errorbar(
-        scouts, forgetting, spread, scouts_spread, fmt="s", color=theme.paper, ms=4, label=label
+        scouts_mean,
+        forgetting_mean,
+        xerr=scouts_spread,
+        yerr=forgetting_spread,
+        fmt="s",
+        color=theme.paper,
+        ms=4,
+        label="paper: clean swarms, SD",
     )
     panel.set(xlabel="fraction of scouts", ylabel="p(vector-forget)", xlim=(0, 1), ylim=(0, 1))
     _legend_above(panel)
+
+
+def _draw_trend(panel: Axes, sample: Evolution, theme: Theme) -> None:
+    """Draw the mean of the fittest swarms of an evolution, and least squares through 90 % of them.
+
+    Evolutions whose fittest have all the same share of scouts are left out.
+    """
+    scouts = np.array([row["fraction_scouts"] for row in sample.fittest])
+    forgetting = np.array([row["p_vector_forget"] for row in sample.fittest])
+    if np.ptp(scouts) == 0:
+        return
+    slope, _ = np.polyfit(scouts, forgetting, 1)
+    ends = np.quantile(scouts, [0.05, 0.95])
+    line = forgetting.mean() + slope * (ends - scouts.mean())
+    panel.plot(ends, line, color=theme.ours, lw=1.2)
+    panel.plot(scouts.mean(), forgetting.mean(), "o", color=theme.ours, ms=3)
 
 
 # --- Figs. 15 and 17: bars ---
@@ -317,26 +333,26 @@ def _draw_table_1(results: Results, axes: list[Axes], theme: Theme) -> None:
     for effect in effects_of_choices(results["sensitivity"].rows):
         effects.setdefault(effect.choice, []).append(effect)
 
-    labels = ("paper and ours", "ours, another value")
     for place, row in enumerate(TABLE_1):
-        panel.plot(0, place, "D", color=theme.paper, ms=6, label=labels[0] if place == 0 else "")
+        panel.plot(0, place, "D", color=theme.paper, ms=6)
         for number, effect in enumerate(effects.get(row.setting, ())):
-            estimate, low, high = effect.change
-            height = place + 0.22 * (2 * number - 1)
-            label = labels[1]
-            labels = (labels[0], "")
-            panel.plot([low, high], [height, height], color=theme.ours, lw=1.3)
-            panel.plot(estimate, height, "o", color=theme.ours, ms=4, label=label)
-            panel.text(high + 3, height, _value_text(effect.value), va="center", fontsize=7)
+            _draw_effect(panel, place + 0.22 * (2 * number - 1), effect, theme)
+
+    # Marks without places, for the legend alone.
+    panel.plot([], [], "D", color=theme.paper, ms=6, label="paper and ours")
+    panel.plot([], [], "o-", color=theme.ours, ms=4, label="ours, another value")
     panel.set_yticks(range(len(TABLE_1)), [f"{row.name}: {row.printed}" for row in TABLE_1])
     panel.set_ylim(len(TABLE_1) - 0.4, -0.6)
     panel.set_xlabel("change of the mean time [steps]")
     _legend_above(panel, left=-0.6)
 
 
-def _value_text(value: str) -> str:
-    """Return a value of a choice as text."""
-    return f"{float(value):g}"
+def _draw_effect(panel: Axes, height: float, effect: ChoiceEffect, theme: Theme) -> None:
+    """Draw the interval of an effect on the mean time, with the value that has it."""
+    estimate, low, high = effect.change
+    panel.plot([low, high], [height, height], color=theme.ours, lw=1.3)
+    panel.plot(estimate, height, "o", color=theme.ours, ms=4)
+    panel.text(high + 3, height, f"{float(effect.value):g}", va="center", fontsize=7)
 
 
 _NAME_OF_PARAMETER = {

@@ -227,6 +227,6 @@ def rewrite_findings(results: Path, pages: Sequence[Path]) -> None:
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
 
-    print(f"findings in {results}")
+    print(f"findings in {results}, figures beside the paper's in {results / DIRECTORY}")
     for path in new_texts:
         print(f"tables in {path}")
