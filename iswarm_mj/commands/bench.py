@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import platform
 import time
 from dataclasses import dataclass, replace
@@ -14,6 +13,7 @@ import numpy as np
 from iswarm_mj.commands.swarm import Swarm, run_of
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.operating_system import n_usable_cores
 
 if TYPE_CHECKING:  # help does without JAX, which runs import
     from iswarm_mj.simulation.run import Run
@@ -96,7 +96,7 @@ def bench(run: "Run", warm_up: int) -> dict[str, Any]:
         "delivered_mean": int(run.progress().sum()) / n_worlds,
         "peak_memory_gb": memory,
         "devices": run.devices,
-        "cores": len(os.sched_getaffinity(0)),
+        "cores": n_usable_cores(),
         "machine": processor(),
     }
     print(json.dumps(content, default=str))

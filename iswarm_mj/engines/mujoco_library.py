@@ -27,7 +27,12 @@ def library() -> ctypes.CDLL:
 
 def function_address(function: str) -> int:
     """Return the address of a function of the MuJoCo library."""
-    pointer = ctypes.cast(getattr(library(), function), ctypes.c_void_p)
+    return address_of(library(), function)
+
+
+def address_of(shared_library: ctypes.CDLL, function: str) -> int:
+    """Return the address of a function of a library that is loaded."""
+    pointer = ctypes.cast(getattr(shared_library, function), ctypes.c_void_p)
     return pointer.value or 0
 
 

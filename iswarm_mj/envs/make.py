@@ -1,6 +1,5 @@
 """Environments are made in two steps: scenarios are checked first, arrays made later."""
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,6 +24,7 @@ from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError, closest, shown
+from iswarm_mj.utils.operating_system import n_usable_cores
 
 MAX_FLAGS = 29
 """Number of flags that fit into a message beside two bits of LED number and the parity."""
@@ -210,7 +210,7 @@ def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
     settings = setup.engine
     n_worlds = setup.settings.n_worlds
     if settings.on_host:
-        n_threads = getattr(settings, "threads", 0) or len(os.sched_getaffinity(0))
+        n_threads = getattr(settings, "threads", 0) or n_usable_cores()
         make_engine = setup.host_engine()
         return make_engine(n_worlds, n_threads), n_worlds
     platform = devices_of(settings)[0].platform

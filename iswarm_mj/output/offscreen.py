@@ -311,10 +311,17 @@ def _start_renderer(model: Any, size: tuple[int, int], max_geom: int) -> mujoco.
         _draw_without_display()
         return mujoco.Renderer(model, height, width, max_geom=max_geom)
     except (RuntimeError, ImportError, AttributeError, mujoco.FatalError) as error:
-        raise UserError(
-            f"Off-screen OpenGL did not start ({error}); MUJOCO_GL must be egl or osmesa, and its "
-            "library installed: on Debian, apt-get install libegl1 libgl1-mesa-dri."
-        ) from None
+        raise UserError(f"Off-screen OpenGL did not start ({error}); {_remedy()}.") from None
+
+
+def _remedy() -> str:
+    """Return what a user can do where there is no off-screen OpenGL."""
+    if sys.platform == "linux":
+        return (
+            "MUJOCO_GL must be egl or osmesa, and its library installed: on Debian, apt-get install "
+            "libegl1 libgl1-mesa-dri"
+        )
+    return "log in at the machine's own desktop, and leave MUJOCO_GL unset"
 
 
 def _draw_without_display() -> None:

@@ -17,6 +17,7 @@ from iswarm_mj.output.offscreen import ArenaRenderer, Shot, load_recorded
 from iswarm_mj.output.trajectory import METRIC, Arrays
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
+from iswarm_mj.utils.operating_system import own_group
 from iswarm_mj.utils.progress import Progress
 
 RATE = 24
@@ -105,7 +106,7 @@ def _pipe(pictures: Iterable[np.ndarray], command: list[str], log: IO[bytes]) ->
         log: file of its standard error.
     """
     # In a group of its own, so that Ctrl-C reaches this process alone.
-    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log, process_group=0)
+    process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=log, **own_group())
     assert process.stdin is not None
     try:
         # The log explains a broken pipe better than the exception.

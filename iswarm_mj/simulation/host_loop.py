@@ -1,6 +1,5 @@
 """Control steps on the host: threads take shards of a run's worlds through each step."""
 
-import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +19,7 @@ from iswarm_mj.simulation.packed import Packed, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
+from iswarm_mj.utils.operating_system import n_usable_cores
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
@@ -154,7 +154,7 @@ class HostLoop:
             n_threads: number of threads, 0 for one a core.
             watch: takes the times of the stages.
         """
-        n_threads = n_threads or len(os.sched_getaffinity(0))
+        n_threads = n_threads or n_usable_cores()
         self.devices: list[Any] = []
         self._watch = watch
         self._slices = shard_worlds(len(params.goal))

@@ -18,6 +18,7 @@ from multiprocessing.connection import wait
 from typing import Any, Literal
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.operating_system import inheriting, n_usable_cores, own_group
 from iswarm_mj.utils.signals import kept_handlers
 
 Backend = Literal["processes", "ray"]
@@ -50,7 +51,7 @@ def unordered(
     """
     if backend == "ray":
         return _on_ray(call, arguments, workers)
-    n_workers = workers or len(os.sched_getaffinity(0))
+    n_workers = workers or n_usable_cores()
     if n_workers == 1:
         return (call(*each) for each in arguments)
     return _in_processes(call, arguments, n_workers)
@@ -65,14 +66,14 @@ class _Worker:
 
     def __init__(self):
         self.connection, far_end = Pipe()
-        descriptor = far_end.fileno()
+        number = far_end.fileno()
         python_path = os.pathsep.join(sys.path)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "iswarm_mj.utils.worker", str(descriptor)],
+            [sys.executable, "-P", "-m", "iswarm_mj.utils.worker", str(number)],
             stdin=subprocess.PIPE,  # the worker ends when this process closes it, or ends itself
-            pass_fds=[descriptor],
-            process_group=0,
             env={**os.environ, **_VARIABLES, "PYTHONPATH": python_path},
+            **inheriting(far_end),
+            **own_group(),
         )
         far_end.close()
 

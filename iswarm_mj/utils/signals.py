@@ -19,17 +19,25 @@ ends the process without that shutdown.
 """
 
 import os
-import select
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from queue import Empty, SimpleQueue
 from types import FrameType
 from typing import Any
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+from iswarm_mj.utils.operating_system import (
+    IS_WINDOWS,
+    can_be_written,
+    ending_signals,
+    signal_main_thread,
+)
+
+SIGNALS = ending_signals()
+"""Signals that end a command."""
 RETRY_S = 0.1
 """Time after which the exception is raised again [s]."""
 GRACE_S = 4.0
@@ -64,13 +72,17 @@ def handle_signals(farewell: Callable[[], str]) -> None:
     Args:
         farewell: returns the line to print if the exception cannot end the process.
     """
-    arrivals, wakeup = os.pipe()
-    os.set_blocking(wakeup, False)
+    pipe, wakeup = os.pipe()
+    if not IS_WINDOWS:
+        os.set_blocking(wakeup, False)  # which `set_wakeup_fd` wants on other systems
     signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
     for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
             signal.signal(number, _raise_interrupt)
     sys.unraisablehook = _report_unraisable
+
+    arrivals: SimpleQueue[int] = SimpleQueue()
+    threading.Thread(target=_read, args=(pipe, arrivals), daemon=True).start()
     arguments = (arrivals, threading.get_ident(), farewell)
     threading.Thread(target=_watch, args=arguments, daemon=True).start()
 
@@ -192,22 +204,34 @@ def _is_loading(frame: FrameType | None) -> bool:
     return False
 
 
-def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None:
+def _read(pipe: int, arrivals: SimpleQueue[int]) -> None:
+    """Put the numbers of our signals from a pipe into a queue.
+
+    Python writes the number of each signal to the pipe, also while C code runs. Windows cannot wait
+    for a pipe for a limited time, as the watcher waits for the queue.
+    """
+    while True:
+        number = os.read(pipe, 1)[0]
+        if number in SIGNALS:
+            arrivals.put(number)
+
+
+def _watch(arrivals: SimpleQueue[int], main_thread: int, farewell: Callable[[], str]) -> None:
     """Wait for a signal, and end the process if the exception does not.
 
     Args:
-        arrivals: pipe into which Python writes the number of each signal, also while C code runs.
+        arrivals: numbers of our signals.
         main_thread: identifier of the main thread.
         farewell: returns the line to print.
     """
-    number = _next_signal(arrivals)
+    number = arrivals.get()
     end = time.monotonic() + GRACE_S
     is_echo_due = False
     while time.monotonic() < end:
         if not _arrives_soon(arrivals):
             # C code may have dropped the exception, or modules were being imported. This signal is
             # written to the pipe, too, unless a library has replaced the pipe or the handler.
-            signal.pthread_kill(main_thread, number)
+            signal_main_thread(main_thread, number)
             is_echo_due = True
         elif is_echo_due:
             is_echo_due = False
@@ -221,21 +245,13 @@ def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None
     _exit(128 + number, farewell)
 
 
-def _next_signal(arrivals: int) -> int:
-    """Return the number of the next of our signals."""
-    while True:
-        number = os.read(arrivals, 1)[0]
-        if number in SIGNALS:
-            return number
-
-
-def _arrives_soon(arrivals: int) -> bool:
+def _arrives_soon(arrivals: SimpleQueue[int]) -> bool:
     """Return whether one of our signals arrives within RETRY_S."""
-    end = time.monotonic() + RETRY_S
-    while select.select([arrivals], [], [], max(0.0, end - time.monotonic()))[0]:
-        if os.read(arrivals, 1)[0] in SIGNALS:
-            return True
-    return False
+    try:
+        arrivals.get(timeout=RETRY_S)
+    except Empty:
+        return False
+    return True
 
 
 def _save_and_exit(code: int, farewell: Callable[[], str]) -> None:
@@ -253,8 +269,7 @@ def _save_and_exit(code: int, farewell: Callable[[], str]) -> None:
 def _exit(code: int, farewell: Callable[[], str]) -> None:
     """Print a line on the standard error and end the process, also where it cannot be printed."""
     try:
-        is_read = select.select([], [2], [], 0.0)[1]
-        if is_read:  # else whoever reads the output may let it wait without end
+        if can_be_written(2):  # else whoever reads the output may let it wait without end
             os.write(2, f"{farewell()}\n".encode())
     finally:  # the terminal may be gone, as at SIGHUP
         os._exit(code)

@@ -10,17 +10,18 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
+from iswarm_mj.utils.operating_system import inherited_connection
 
 _HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
 
 
 def main() -> None:
-    """Make calls until the parent closes the connection, whose descriptor is the argument."""
+    """Make calls until the parent closes the connection, whose number is the argument."""
     # While one worker writes a compiled program, another may read half of it, and compiles the
     # program itself then.
     warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    connection = Connection(int(sys.argv[1]))
+    connection = inherited_connection(int(sys.argv[1]))
     with suppress(EOFError, ConnectionError):
         while True:
             connection.send(_answer(connection))

@@ -1,6 +1,7 @@
 """The gripper's MuJoCo plugins: their attributes, and the cache of their compiled callbacks."""
 
 import pickle
+import re
 import runpy
 from pathlib import Path
 
@@ -9,9 +10,11 @@ import mujoco.batch
 import mujoco.rollout
 import numpy as np
 import pytest
+from mujoco.introspect.functions import FUNCTIONS
+from numba import types
 
 import iswarm_mj.gripper.plugin as plugin
-from iswarm_mj.gripper.native import abi
+from iswarm_mj.gripper.native import abi, attributes, callbacks
 from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks
 from iswarm_mj.utils.errors import UserError
 
@@ -105,3 +108,38 @@ def test_a_release_of_unknown_layout_is_refused_on_import(monkeypatch):
     message = r"need MuJoCo 3.17.0, .* \(got 4.0.0\); pip install mujoco==3.17.0 mujoco-mjx==3.17.0"
     with pytest.raises(UserError, match=message):
         runpy.run_path(abi.__file__)
+
+
+NUMBA_TYPES = {
+    "void": types.void,
+    "int": types.int32,
+    "const mjModel*": abi.Model,
+    "mjData*": abi.Data,
+    "mjtNum*": types.CPointer(types.float64),
+    "void*": types.intp,
+}
+"""Types in the declarations of the callbacks: pointers and whole numbers only.
+
+Structs by value, and arguments whose number varies, are passed in other ways on each processor and
+system."""
+
+
+@pytest.mark.parametrize("name", ["nstate", "init", "reset", "compute", "advance"])
+def test_callbacks_have_the_signatures_of_the_header(name):
+    header = Path(mujoco.__file__).parent / "include" / "mujoco" / "mjplugin.h"
+    declaration = rf"(\w+) \(\*{name}\)\((.*)\);"
+    result, parameters = re.search(declaration, header.read_text(encoding="utf-8")).groups()
+    kinds = [parameter.rpartition(" ")[0] for parameter in parameters.split(", ")]
+    expected = NUMBA_TYPES[result](*(NUMBA_TYPES[kind] for kind in kinds))
+    assert getattr(callbacks, f"_{name}") == expected
+
+
+@pytest.mark.parametrize("function", ["get_plugin_config", "name_to_id", "error"])
+def test_functions_of_mujoco_are_called_as_they_are_declared(function):
+    """Addresses of strings are whole numbers of 64 bits."""
+    program = getattr(attributes, f"_{function}")
+    declaration = FUNCTIONS[program.symbol]
+    kinds = [declaration.return_type, *(each.type for each in declaration.parameters)]
+    of_strings = {"const char *": types.int64, "const mjModel *": abi.Model}
+    expected = [of_strings.get(str(kind)) or NUMBA_TYPES[str(kind)] for kind in kinds]
+    assert [program.sig.return_type, *program.sig.args] == expected

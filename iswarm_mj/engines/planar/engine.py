@@ -1,6 +1,5 @@
 """The planar engine for CPUs: functions compiled by numba, world after world."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -34,6 +33,7 @@ from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_reading, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.operating_system import n_usable_cores
 
 _SHARES_PER_THREAD = 4  # parts of the worlds for each thread, so that none waits long for another
 
@@ -71,7 +71,7 @@ class PlanarEngine(BoxesMixin, Engine):
         self._light = read_light(arena.robot, config.optics)
         self._points = points_of(arena.robot)
         self._solids = solids_of(arena, config.arena.obstacles)
-        self._n_threads = n_threads or len(os.sched_getaffinity(0))
+        self._n_threads = n_threads or n_usable_cores()
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
     def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:

@@ -12,7 +12,7 @@ from llvmlite import binding
 from numba import types
 from numba.np.numpy_support import carray
 
-from iswarm_mj.engines.mujoco_library import function_address
+from iswarm_mj.engines.mujoco_library import address_of, function_address
 from iswarm_mj.gripper.native.abi import (
     CYLINDER,
     PLANE,
@@ -25,6 +25,7 @@ from iswarm_mj.gripper.native.abi import (
     pointer_to,
     state_address,
 )
+from iswarm_mj.utils.operating_system import c_library
 
 NUMBER, GEOM, ACTUATOR, TIP = range(4)
 """Kinds of attributes; `TIP` is the table of a tip in a numeric field of the model."""
@@ -37,6 +38,7 @@ _LONGEST_MESSAGE = 1024
 
 for _name in ("mj_getPluginConfig", "mj_name2id", "mju_error"):
     binding.add_symbol(_name, function_address(_name))
+binding.add_symbol("strtod", address_of(c_library(), "strtod"))
 # Strings are passed as addresses.
 _get_plugin_config = types.ExternalFunction(
     "mj_getPluginConfig",

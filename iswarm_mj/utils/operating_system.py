@@ -1,0 +1,89 @@
+"""What Linux, macOS and Windows do differently; all other modules are the same on each."""
+
+import _thread
+import ctypes
+import os
+import select
+import signal
+import subprocess
+import sys
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
+
+IS_WINDOWS = sys.platform == "win32"
+
+
+def n_usable_cores() -> int:
+    """Return the number of cores that this process may use.
+
+    macOS and Windows do not say which cores those are, so that all cores of the machine count.
+    """
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def ending_signals() -> tuple[signal.Signals, ...]:
+    """Return the signals that ask a process to end, those that this system has.
+
+    SIGHUP comes when a terminal closes; Windows sends SIGBREAK then, also for Ctrl-Break.
+    """
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+    return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
+
+
+def signal_main_thread(main_thread: int, number: int) -> None:
+    """Let a signal arrive in the main thread again.
+
+    Args:
+        main_thread: identifier of the thread.
+        number: number of the signal.
+    """
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main_thread, number)  # which also interrupts a wait for the system
+    else:
+        _thread.interrupt_main(number)
+
+
+def can_be_written(descriptor: int) -> bool:
+    """Return whether a write to a pipe or terminal would not wait; true where that is unknown."""
+    if IS_WINDOWS:
+        return True  # its `select` takes sockets only
+    return bool(select.select([], [descriptor], [], 0.0)[1])
+
+
+def own_group() -> dict[str, Any]:
+    """Return arguments of `subprocess.Popen` for a process that Ctrl-C does not reach.
+
+    Ctrl-C on a terminal reaches all processes of the group of the one that was started there.
+    """
+    if IS_WINDOWS:
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"process_group": 0}
+
+
+def inheriting(connection: "Connection") -> dict[str, Any]:
+    """Return arguments of `subprocess.Popen` for a process that gets an end of a pipe.
+
+    It opens the end by `inherited_connection` with the number `connection.fileno()`.
+    """
+    number = connection.fileno()
+    if not IS_WINDOWS:
+        return {"pass_fds": [number]}
+    os.set_handle_inheritable(number, True)
+    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [number]})}
+
+
+def inherited_connection(number: int) -> "Connection":
+    """Return the end of a pipe that this process got from its parent, see `inheriting`."""
+    from multiprocessing import connection
+
+    kind = getattr(connection, "PipeConnection", connection.Connection)  # of Windows, else of POSIX
+    return kind(number)
+
+
+def c_library() -> ctypes.CDLL:
+    """Return the library of C's standard functions."""
+    return ctypes.CDLL("ucrtbase" if IS_WINDOWS else None)
