@@ -24,11 +24,15 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used.
 
     Raises:
-        UserError: a variable of the environment would break its libraries.
+        UserError: a variable of the environment would break its libraries, or the package of an
+            extra is missing.
     """
     packages_that_import_nothing = ("envs", "gripper")
     if name in __all__ and name not in packages_that_import_nothing:
         from iswarm_mj.utils.environment import check_environment
 
         check_environment()
-    return _import_name(name)
+    from iswarm_mj.utils.extras import naming_extras
+
+    with naming_extras():
+        return _import_name(name)

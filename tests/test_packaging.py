@@ -20,8 +20,22 @@ from iswarm_mj.gripper.native.abi import KNOWN_RELEASES
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 OPTIONAL = PROJECT["optional-dependencies"]
+
+
+def with_extras(lines):
+    """Yield requirements, in place of the project's own extras those of the extras."""
+    for requirement in map(Requirement, lines):
+        if requirement.name == PROJECT["name"]:
+            for extra in requirement.extras:
+                yield from with_extras(OPTIONAL[extra])
+        else:
+            yield requirement
+
+
 REQUIREMENTS = [
-    Requirement(line) for line in (*PROJECT["dependencies"], *OPTIONAL["dev"], *OPTIONAL["docs"])
+    *with_extras(PROJECT["dependencies"]),
+    *with_extras(OPTIONAL["dev"]),
+    *with_extras(OPTIONAL["docs"]),
 ]
 
 MODELS = [

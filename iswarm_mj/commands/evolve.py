@@ -8,6 +8,7 @@ from iswarm_mj.commands.command_settings import refuse_changed
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.methods import Operators
 from iswarm_mj.search.settings import SearchPlan, Steps
+from iswarm_mj.utils.extras import require
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Evolve(SearchPlan, ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
+        require("search")
         from iswarm_mj.search.search import evolve
         from iswarm_mj.simulation.scenario import Scenario
 

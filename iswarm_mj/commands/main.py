@@ -30,6 +30,7 @@ from iswarm_mj.commands.tip import Tip
 from iswarm_mj.commands.train import Train
 from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printable, shown
+from iswarm_mj.utils.extras import naming_extras
 from iswarm_mj.utils.signals import code_of_signal, handle_signals, leave
 
 COMMANDS: dict[str, type] = {
@@ -138,11 +139,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words = sys.argv[1:] if arguments is None else arguments
         _prepare_output()
         check_text(words)
-        command = parse(words)
-        for name, reason in ineffective_settings(command).items():
-            raise without_effect(name, reason)
-        check_environment()
-        command.run()
+        with naming_extras():
+            command = parse(words)
+            for name, reason in ineffective_settings(command).items():
+                raise without_effect(name, reason)
+            check_environment()
+            command.run()
         sys.stdout.flush()
     except BaseException as error:
         code = code_of_signal(error)

@@ -13,6 +13,7 @@ from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.progress import waiting
 from iswarm_mj.utils.signals import saved
 from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -84,6 +85,7 @@ class Play(WithTask):
 
     def run(self) -> None:
         """Run the command."""
+        require("play")
         calibrations = self.calibrations()
         session = self.session()
         from iswarm_mj.player.page import Page

@@ -9,6 +9,7 @@ import tyro
 from iswarm_mj.player.film import Film
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import printable
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import check_name
 
 
@@ -88,6 +89,7 @@ class Video(RenderOptions):
 
     def run(self) -> None:
         """Run the command."""
+        require("video")
         from iswarm_mj.output import video
         from iswarm_mj.output.offscreen import Shot
 
@@ -118,6 +120,7 @@ class Replay(Film):
 
     def run(self) -> None:
         """Run the command."""
+        require("play")
         from iswarm_mj.output.offscreen import load_recorded
         from iswarm_mj.player.replay import write_replay
 

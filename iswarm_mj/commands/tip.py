@@ -7,6 +7,7 @@ from typing import ClassVar
 from iswarm_mj.commands.command_settings import refuse_changed
 from iswarm_mj.gripper.tips.search import Limits
 from iswarm_mj.utils.constraints import check
+from iswarm_mj.utils.extras import require
 from iswarm_mj.workflows.tip_settings import TipSettings
 
 
@@ -36,6 +37,7 @@ class Tip(TipSettings):
         from iswarm_mj.workflows.tip import design_tip
 
         if self.optimise:
+            require("search")
             refuse_changed(self, ["shape"], "with `optimise`")
             check("profile", self.profile, "left out with `optimise`", self.profile is None)
         else:

@@ -9,6 +9,7 @@ import tyro
 from iswarm_mj.commands.options import ConfigOptions, EngineName
 from iswarm_mj.commands.swarm import RobotOptions, TaskOptions
 from iswarm_mj.search.settings import TrainingPlan
+from iswarm_mj.utils.extras import require
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
 
     def run(self) -> None:
         """Run the command."""
+        require("search")
         from iswarm_mj.search.training import Training, train
         from iswarm_mj.strategy.neural import Neural
 

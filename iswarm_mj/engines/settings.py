@@ -1,6 +1,5 @@
 """Base class of the settings of engines, which name an engine, estimate its memory and build it."""
 
-import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.utils.constraints import check, choices, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.jax_setup import can_use_warp
 
 if TYPE_CHECKING:
@@ -62,10 +61,8 @@ class EngineSettings(ABC):
 
     def __post_init__(self):
         validate(self)
-        if getattr(self, "impl", None) == "warp" and importlib.util.find_spec("warp") is None:
-            raise UserError(
-                "`impl` warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'."
-            )
+        if getattr(self, "impl", None) == "warp":
+            require("warp")
         devices = getattr(self, "devices", None)
         is_tuple = isinstance(devices, tuple) and len(devices) > 0
         check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_tuple)

@@ -11,6 +11,7 @@ from typing import Any
 import lazy_loader
 
 from iswarm_mj.utils.environment import check_environment
+from iswarm_mj.utils.extras import naming_extras
 
 _import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
@@ -19,4 +20,5 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, after a check of the environment's variables."""
     if name in __all__:
         check_environment()
-    return _import_name(name)
+    with naming_extras():
+        return _import_name(name)

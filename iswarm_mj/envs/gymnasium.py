@@ -1,14 +1,17 @@
 """Swarms as Gymnasium environments, in which the robots of a world are one agent."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import jax
 import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
 
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
@@ -18,25 +21,6 @@ from iswarm_mj.envs.watch import EnvRecording, Pictures
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError
-
-
-@contextmanager
-def installed() -> Iterator[None]:
-    """Raise a UserError where a package that is imported inside is missing."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        package = (error.name or "").partition(".")[0]
-        raise UserError(
-            f"this environment needs {package}; run pip install 'iswarm-mj[marl]'"
-        ) from None
-
-
-with installed():
-    import gymnasium
-    from gymnasium.spaces import Box
-    from gymnasium.vector import AutoresetMode, VectorEnv
-    from gymnasium.vector.utils import batch_space
 
 RENDERING = {"render_modes": ["rgb_array"], "render_fps": 10}
 """Metadata of pictures, which show 10 control steps a second."""

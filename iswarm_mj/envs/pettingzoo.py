@@ -4,16 +4,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Space
+from pettingzoo import ParallelEnv
 
-from iswarm_mj.envs.gymnasium import RENDERING, SwarmVectorEnv, box_of, installed
+from iswarm_mj.envs.gymnasium import RENDERING, SwarmVectorEnv, box_of
 from iswarm_mj.envs.tables import check_action
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
-
-with installed():
-    from gymnasium.spaces import Space
-    from pettingzoo import ParallelEnv
 
 _MAX_LISTED = 5
 """Largest number of agents that a message lists."""

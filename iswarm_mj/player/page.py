@@ -22,6 +22,7 @@ from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.extras import naming_extras
 
 PORT = 8080
 """First port that is tried."""
@@ -60,7 +61,8 @@ def open_server(port: int = PORT) -> Any:
     """
     is_port = is_whole(port) and 1024 <= port <= LAST_PORT
     check("port", port, f"a whole number from 1024 to {LAST_PORT}", is_port)
-    import viser  # which takes a second
+    with naming_extras():
+        import viser  # which takes a second
 
     class Server(viser.ViserServer):
         url: str

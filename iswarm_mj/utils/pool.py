@@ -17,7 +17,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import wait
 from typing import Any, Literal
 
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.utils.extras import naming_extras
 from iswarm_mj.utils.operating_system import inheriting, n_usable_cores, own_group
 from iswarm_mj.utils.signals import kept_handlers
 
@@ -196,10 +197,8 @@ def _connected(workers: int) -> Any:
     Raises:
         UserError: Ray is not installed.
     """
-    try:
+    with naming_extras():
         import ray  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise UserError("Ray is not installed; run pip install 'iswarm-mj[cluster]'") from None
     if ray.is_initialized():
         return ray
 

@@ -113,7 +113,7 @@ def test_warp_that_is_not_installed(capfd, here, monkeypatch):
     flags = [*FLAGS, "--robots=30", "--engine=planar", "--impl=warp"]
     assert (
         refused(capfd, here, "clean", *flags)
-        == "iswarm: --impl warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'\n"
+        == 'iswarm: the package warp-lang is not installed; run pip install "iswarm-mj[warp]"\n'
     )
 
 

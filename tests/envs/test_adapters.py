@@ -290,5 +290,5 @@ class TestMistakes:
         )
         command = [sys.executable, "-c", code]
         failed = subprocess.run(command, capture_output=True, text=True)
-        words = f"this environment needs {package}; run pip install 'iswarm-mj[marl]'"
+        words = f'the package {package} is not installed; run pip install "iswarm-mj[marl]"'
         assert f"UserError: {words}" in failed.stderr

@@ -184,7 +184,7 @@ def test_workers_end_with_their_parent(tmp_path, number):
 
 def test_a_sentence_names_ray_where_it_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(UserError, match=r"^Ray is not installed; .*\[cluster\]'$"):
+    with pytest.raises(UserError, match=r'^the package ray is not installed; .*\[cluster\]"$'):
         results(square, [1], 1, "ray")
 
 
