@@ -7,7 +7,9 @@ pages are up to date.
 """
 
 import argparse
+import json
 import re
+import tomllib
 from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
@@ -30,7 +32,8 @@ from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
 from iswarm_mj.workflows.grasp import TrialRow, units
 
-DOCS = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
 BLOCK = re.compile(r"(<!-- made: ([\w-]+) -->\n).*?(<!-- made -->)", re.DOTALL)
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
 FRAMES = {
@@ -233,7 +236,36 @@ def trials() -> str:
     return table("column | unit | meaning", rows)
 
 
+def notebooks() -> str:
+    """Return the table of the notebooks."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return table_of_notebooks(project.get("urls", {}).get("Repository"))
+
+
+def table_of_notebooks(address: str | None) -> str:
+    """Return the table of the notebooks, with links to Colab and Binder.
+
+    Args:
+        address: address of the repository on GitHub; None without links.
+    """
+    rows = []
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        title = cells[0]["source"][0].removeprefix("# ").strip()
+        file = f"notebooks/{path.name}"
+        if address is None:
+            rows.append((f"`{file}`", title))
+        else:
+            repository = address.rstrip("/").removeprefix("https://github.com/")
+            colab = f"https://colab.research.google.com/github/{repository}/blob/main/{file}"
+            binder = f"https://mybinder.org/v2/gh/{repository}/main?labpath={file}"
+            rows.append((f"`{file}`", title, f"[Colab]({colab}), [Binder]({binder})"))
+    head = "file | shows" if address is None else "file | shows | open"
+    return table(head, rows)
+
+
 MAKERS = {
+    "notebooks": notebooks,
     "trials": trials,
     **{name: partial(columns, name) for name in TABLES},
     "Observation": partial(of_arrays, Observation),
