@@ -1,6 +1,7 @@
 """Functions of MuJoCo that its Python bindings leave out: shared library, timers, warnings."""
 
 import ctypes
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -16,13 +17,16 @@ def library() -> ctypes.CDLL:
     """Return the MuJoCo library that the Python bindings use.
 
     Raises:
-        UserError: it is not where a wheel has it.
+        UserError: it is neither where a wheel has it, nor where conda has it.
     """
-    folder = Path(mujoco.__file__).parent
-    for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
-        for path in sorted(folder.glob(pattern)):
-            return ctypes.CDLL(str(path))
-    raise UserError(f"No MuJoCo library in {folder}; reinstall the package mujoco from a wheel.")
+    environment = Path(sys.prefix)
+    of_wheel = Path(mujoco.__file__).parent
+    of_conda = (environment / "lib", environment / "Library" / "bin")
+    for folder in (of_wheel, *of_conda):
+        for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
+            for path in sorted(folder.glob(pattern)):
+                return ctypes.CDLL(str(path))
+    raise UserError(f"No MuJoCo library in {of_wheel}; reinstall the package mujoco from a wheel.")
 
 
 def function_address(function: str) -> int:
