@@ -5,6 +5,7 @@ JAX compiles once for each configuration and number of robots.
 
 import gc
 import os
+import sys
 from importlib.metadata import version
 
 import psutil
@@ -76,6 +77,12 @@ gc.freeze()
 gc.set_threshold(50_000, 20, 20)  # as `iswarm` does
 settings.register_profile("repeatable", derandomize=True)  # the same examples each time
 settings.load_profile("repeatable")
+
+
+collect_ignore = []
+if sys.platform == "win32":
+    # They name signals that Windows lacks when they are imported.
+    collect_ignore += ["utils/test_signals.py", "robustness/test_ends.py"]
 
 
 FAST_COMPILATION = [
