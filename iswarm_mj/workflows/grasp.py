@@ -252,9 +252,15 @@ def quasi_static_release(trial: Trial, work_tool: float, gap: float) -> float:
 def _melts(settings: GraspSettings, trial: Trial, highest_voltage: float) -> bool:
     """Return whether the ball of a trial melts in contact at its highest voltage [V]."""
     contacts = settings.effective.contacts
-    contact_time = settings.protocol.contact_time
     return bool(
-        melts(highest_voltage, trial.radius, contacts.breaks_at, contacts.supply, contact_time)
+        melts(
+            voltage=highest_voltage,
+            radius=trial.radius,
+            breaks_at=contacts.breaks_at,
+            supply=contacts.supply,
+            time=settings.protocol.contact_time,
+            density=trial.density,
+        )
     )
 
 

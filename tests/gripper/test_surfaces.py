@@ -8,7 +8,7 @@ import pytest
 
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
-from iswarm_mj.gripper.laws.detachment import GRAVITY, ball_weight
+from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, GRAVITY, ball_weight
 from iswarm_mj.gripper.laws.melting import (
     HEAT_CAPACITY,
     LATENT_HEAT,
@@ -24,6 +24,8 @@ from iswarm_mj.gripper.laws.roughness import (
     preloaded_pull_off,
     roughness_factor,
 )
+from iswarm_mj.workflows.grasp import run_grasp
+from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 SMOOTH = Surface()
 
@@ -112,6 +114,30 @@ def test_a_ball_melts_if_its_oxide_breaks_and_the_current_has_the_time():
     assert melts(volts, radii, breaks_at, Supply(), 0.3e-3).tolist() == [False, True, True, False]
     assert not melts(70.0, 15e-6, breaks_at, Supply(), 0.2e-3)
     assert jax.jit(lambda volts: melts(volts, 15e-6, breaks_at, Supply(), 0.3e-3))(70.0)
+
+
+def test_a_ball_of_twice_the_density_takes_twice_as_long_to_melt():
+    usual = melting_time(70.0, 15e-6, Supply())
+    dense = 2 * BALL_DENSITY
+    assert melting_time(70.0, 15e-6, Supply(), dense) == pytest.approx(2 * usual)
+    assert melts(70.0, 15e-6, 70.0, Supply(), 1.5 * usual)
+    assert not melts(70.0, 15e-6, 70.0, Supply(), 1.5 * usual, dense)
+
+
+@pytest.mark.parametrize(("density", "melted"), [(7400.0, True), (15000.0, False)])
+def test_trials_melt_balls_by_their_density(density, melted):
+    """The ball needs more than 70 V; the tool stays for 0.35 ms."""
+    settings = GraspSettings(
+        radius=("15e-6",),
+        repeats=1,
+        rh_spread=0.0,
+        no_contact_gap=(),
+        ball_density=density,
+        work_object_substrate=0.16,
+    )
+    grasp = next(row for row in run_grasp(settings) if row.experiment == "grasp")
+    assert grasp.voltage is None or grasp.voltage > 70
+    assert grasp.melted is melted
 
 
 def test_contacts_determine_supply_and_breakdown():

@@ -39,7 +39,12 @@ def contact_power(voltage: Quantity, supply: Supply) -> Quantity:
 
 
 def melts(
-    voltage: Quantity, radius: Quantity, breaks_at: Quantity, supply: Supply, time: Quantity
+    voltage: Quantity,
+    radius: Quantity,
+    breaks_at: Quantity,
+    supply: Supply,
+    time: Quantity,
+    density: Quantity = BALL_DENSITY,
 ) -> Bool[Array, "..."]:
     """Return whether a ball that touches plate and tool melts.
 
@@ -52,15 +57,18 @@ def melts(
         breaks_at: voltage at which the tool's oxide breaks down [V].
         supply: resistances, loss.
         time: for which ball, plate and tool touch under the voltage [s].
+        density: of the ball [kg/m^3].
     """
     xp = array_module(voltage, radius, breaks_at, time)
     return xp.logical_and(
         xp.abs(voltage) >= breaks_at,
-        melting_time(voltage, radius, supply) <= time,
+        melting_time(voltage, radius, supply, density) <= time,
     )
 
 
-def melting_time(voltage: Quantity, radius: Quantity, supply: Supply) -> Quantity:
+def melting_time(
+    voltage: Quantity, radius: Quantity, supply: Supply, density: Quantity = BALL_DENSITY
+) -> Quantity:
     """Return the time in which a discharge melts a ball; infinity if it never does [s].
 
     A ball of uniform temperature warms with C dT/dt = P - K dT, which takes
@@ -71,9 +79,10 @@ def melting_time(voltage: Quantity, radius: Quantity, supply: Supply) -> Quantit
         voltage: of the tool against the plate [V].
         radius: of the ball [m].
         supply: resistances, loss.
+        density: of the ball [kg/m^3].
     """
     xp = array_module(voltage, radius)
-    mass = 4 / 3 * math.pi * radius**3 * BALL_DENSITY
+    mass = 4 / 3 * math.pi * radius**3 * density
     power = contact_power(voltage, supply)
     loss = supply.conductance * MELTING_RISE
     suffices = power > loss
