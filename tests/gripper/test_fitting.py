@@ -1,6 +1,7 @@
 """Fits of the gripper's laws to tables of voltages."""
 
 import math
+import tomllib
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -26,7 +27,9 @@ from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.output.plot_fit import draw_data, draw_profiles
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.workflows.fit import settings_text
+from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 OUTSIDER = {
     "radius [um]": [15, 20, 25, 20, 20],
@@ -334,6 +337,29 @@ def test_forces_and_voltages_together_determine_the_electrical_gap():
     assert held.maximum.objective > fitted.maximum.objective + 5
 
 
+def test_an_electrical_gap_is_at_least_that_of_the_laws():
+    """Voltages of a tenth ask for a gap of 4 nm, which the bench refuses for balls of 25 um."""
+    rows = table_of_forces()
+    for row in rows:
+        if "voltage [V]" in row:
+            row["voltage [V]"] /= 10
+    fitted = fit(rows)
+    least = 25e-6 / 512
+    assert fitted.values["electrical_gap"] == pytest.approx(least, rel=1e-3)
+    assert "electrical_gap" not in fitted.estimates
+    assert any("least one of the laws" in sentence for sentence in sentences(fitted))
+    content = tomllib.loads(settings_text(fitted, "table.csv"))["grasp"]
+    assert GraspSettings(electrical_gap=content["electrical_gap"])
+
+    with pytest.raises(ConfigError, match="the laws for these balls have no smaller gaps"):
+        fit(rows, hold={"electrical_gap": 0.9 * least})
+    with pytest.raises(ConfigError, match="the laws for these balls have no smaller gaps"):
+        fit(rows, priors={"electrical_gap": (0.9 * least, 2)})
+    large = [{**row, "radius [um]": 4 * row["radius [um]"]} for row in table_of_forces()]
+    with pytest.raises(ConfigError, match=r"between 1\.95"):
+        fit(large, hold={"electrical_gap": 0.19e-6})
+
+
 def test_priors_are_replaceable_and_decide_where_data_do_not():
     fitted = fit(OUTSIDER, priors={"work_tool_object": (1.41e-3, 1.1)})
     tool = fitted.estimates["work_tool_object"]
@@ -534,7 +560,7 @@ def test_too_many_rows_are_refused(tmp_path):
     ("arguments", "sentence"),
     [
         ({"hold": {"electrcal_gap": 1e-7}}, "perhaps you meant electrical_gap"),
-        ({"hold": {"electrical_gap": 1.0}}, "hold must be between 1e-10 and 1e-05 m"),
+        ({"hold": {"electrical_gap": 1.0}}, "hold must be between 4.88286e-08 and 1e-05 m"),
         ({"free": ("work",)}, "`free` names work, but parameters are"),
         ({"free": ("radius_exponent",)}, "`free` names radius_exponent"),
         ({"priors": {"electrical_gap": (1e-7, 0.5)}}, "a factor between 1 and 1e4"),

@@ -29,6 +29,7 @@ from iswarm_mj.gripper.fitting.table import (
     FORCES,
     KINDS,
     MAX_GAP_RATIO,
+    MIN_GAP_RATIO,
     PROBE_RATIOS,
     Measurements,
     like_first,
@@ -37,7 +38,7 @@ from iswarm_mj.gripper.fitting.table import (
 )
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 DETERMINED_SPAN = 2.0
 """Largest ratio of the ends of an interval whose quantity counts as determined."""
@@ -45,6 +46,8 @@ SIGNIFICANCE = 0.05
 """Probability below which data contradict the shape of the law."""
 NO_CONTACT_GAP = 1e-6
 """Gap of a lift without contact that is proposed [m]."""
+LARGEST_BALL = 25e-6
+"""Largest of the paper's balls, of which trials are by default [m]."""
 _EQUAL_SCORES = 0.05
 """Difference of the summed logarithms of widths up to which measurements are equally good."""
 _EQUAL_VALUES = 0.05
@@ -116,6 +119,8 @@ class Fit:
 
     measurements: Measurements
     maximum: Maximum
+    is_gap_bounded: bool = False
+    """The table asks for an electrical gap below that of the laws, at which it is held."""
 
     @property
     def model(self) -> Model:
@@ -372,7 +377,7 @@ def fit(
         UserError: a row of the table, or a name or value of a parameter is not allowed.
     """
     measurements = read_measurements(table, units)
-    model = Model()
+    model = Model().with_least_gap(least_gap(measurements))
     for name, (median, factor) in (priors or {}).items():
         model = model.with_prior(name, median, factor)
     for name in free:
@@ -398,7 +403,37 @@ def fit(
     if determined:
         likelihood = Likelihood(measurements, model.with_free(*determined))
         maximum = maximise(likelihood, near=maximum)
-    return Fit(measurements, maximum)
+    return _with_gap_of_laws(Fit(measurements, maximum))
+
+
+def _with_gap_of_laws(fitted: Fit) -> Fit:
+    """Return a fit whose electrical gap is not below the least one of the laws, but held there.
+
+    Raises:
+        UserError: it is below, and was the only parameter that was estimated.
+    """
+    least = least_gap(fitted.measurements)
+    if fitted.values["electrical_gap"] >= least:
+        return fitted
+
+    model = fitted.model.with_held("electrical_gap", least)
+    if not model.free:
+        raise UserError(
+            f"the table asks for an electrical gap below {least:.3g} m, the least one of the laws; "
+            "estimate another parameter, too"
+        )
+    maximum = maximise(Likelihood(fitted.measurements, model), near=fitted.maximum)
+    return Fit(fitted.measurements, maximum, is_gap_bounded=True)
+
+
+def least_gap(measurements: Measurements) -> float:
+    """Return the least electrical gap of the laws, for balls of a table and of the paper [m].
+
+    `iswarm grasp` refuses smaller ones for the same balls. This one is a little larger, since
+    fit.toml has six digits of it.
+    """
+    greatest_radius = max(float(measurements.radius.max()), LARGEST_BALL)
+    return greatest_radius * MIN_GAP_RATIO * (1 + 1e-5)
 
 
 def _has_evidence(measurements: Measurements, name: str) -> bool:

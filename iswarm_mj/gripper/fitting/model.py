@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.gripper.fitting.table import Measurements
+from iswarm_mj.gripper.fitting.table import MAX_GAP_RATIO, MIN_GAP_RATIO, Measurements
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import ball_weight
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
@@ -113,7 +113,7 @@ class LoadModel:
             # Searches try gaps beyond the shape factor's range, where it has the value of its edge.
             radius = rows.radius[contact]
             gap = electrical_gap * self._curvature[contact]
-            gap_ratio = np.clip(gap / radius, 1 / 512, 4)
+            gap_ratio = np.clip(gap / radius, MIN_GAP_RATIO, MAX_GAP_RATIO)
             shape = probe_factor("pick", gap_ratio, rows.probe_radius[contact] / radius)
             factor[contact] = shape * asymptotic_force(1.0, gap, radius)
             distant = rows.kind == "no_contact"

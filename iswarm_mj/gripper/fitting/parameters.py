@@ -194,7 +194,8 @@ class Model:
         Raises:
             UserError: there is no such parameter, or the prior is none.
         """
-        parameter = known_parameter(name, "prior")
+        known_parameter(name, "prior")
+        parameter = self.parameters[name]
         is_valid = parameter.limits.allows(median) and median > 0 and 1 < factor <= 1e4
         if not is_valid:
             raise ConfigError(
@@ -205,15 +206,24 @@ class Model:
         changed = replace(parameter, median=median, factor=factor)
         return replace(self, parameters={**self.parameters, name: changed})
 
+    def with_least_gap(self, least: float) -> "Model":
+        """Return the model in which no smaller electrical gap [m] may be held or be usual."""
+        parameter = self.parameters["electrical_gap"]
+        reason = "the laws for these balls have no smaller gaps"
+        limits = replace(parameter.limits, low=least, reason=reason)
+        changed = replace(parameter, limits=limits)
+        return replace(self, parameters={**self.parameters, "electrical_gap": changed})
+
     def with_held(self, name: str, value: float) -> "Model":
         """Return the model in which a parameter has a value and is not estimated.
 
         Raises:
             UserError: there is no such parameter, or the value is out of range.
         """
-        parameter = known_parameter(name, "hold")
+        known_parameter(name, "hold")
+        parameter = self.parameters[name]
         if not parameter.limits.allows(value):
             raise ConfigError("hold", f"{name}={value:g}", f"{parameter.limits}, for {name}")
-        changed = replace(self.parameters[name], held=value)
+        changed = replace(parameter, held=value)
         free = tuple(free_name for free_name in self.free if free_name != name)
         return replace(self, free=free, parameters={**self.parameters, name: changed})

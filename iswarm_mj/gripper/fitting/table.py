@@ -31,6 +31,8 @@ ELECTRICAL = ("grasp", "release", "no_contact")
 """Kinds in which an electrical force moves the ball."""
 ACROSS_GAPS = ("release", "no_contact")
 """Kinds that depend on a gap of the row."""
+MIN_GAP_RATIO = 2.0 ** GAP_EXPONENTS[0].item()
+"""Smallest gap over the radius of the ball for which the laws hold."""
 MAX_GAP_RATIO = 2.0 ** GAP_EXPONENTS[-1].item()
 """Largest gap over the radius of the ball for which the laws hold."""
 PROBE_RATIOS = Within(2.0 ** PROBE_EXPONENTS[0].item(), 2.0 ** PROBE_EXPONENTS[-1].item())

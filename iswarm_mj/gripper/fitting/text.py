@@ -118,6 +118,7 @@ def sentences(fitted: Fit) -> list[str]:
     return [
         _on_works(fitted),
         *_on_spreads(fitted),
+        *_on_gap(fitted),
         _on_held(fitted),
         *_on_shape(fitted),
         _on_proposal(fitted),
@@ -167,6 +168,17 @@ def _on_spreads(fitted: Fit) -> list[str]:
     verb = "is" if len(vague) == 1 else "are"
     return [
         f"{' and '.join(vague)} {verb} not determined within a factor of 2; more balls would help."
+    ]
+
+
+def _on_gap(fitted: Fit) -> list[str]:
+    """Return that the electrical gap is held at the least one of the laws, where it is."""
+    if not fitted.is_gap_bounded:
+        return []
+    least = 1e6 * fitted.values["electrical_gap"]
+    return [
+        f"The table asks for an electrical gap below {least:.3g} um, the least one of the laws, at "
+        "which it is held: works of adhesion are too large, or voltages too low."
     ]
 
 
