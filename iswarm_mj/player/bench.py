@@ -1,8 +1,9 @@
 """The gripper's bench on the page: a trial in slow motion, and a force curve."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from iswarm_mj.player.controls import Control, declared
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.view import linear
 from iswarm_mj.player.widgets import AXIS, show, spots
-from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.constraints import Within, check_kind
 from iswarm_mj.utils.errors import UserError
 
 _ROOT = "/bench"
@@ -30,6 +31,39 @@ SHOWN_S = 15.0
 """Duration in which a trial is shown [s]."""
 CALIBRATIONS = {"the paper's balls": BenchSettings()}
 """Settings of the bench by their names, without a fit."""
+
+
+def calibrations_of(fits: Sequence[Any]) -> dict[str, BenchSettings]:
+    """Return settings of the bench by their names; those of the paper come last.
+
+    Args:
+        fits: each a `Fit` of `iswarm_mj.fit`, `GraspSettings`, or the path of a fit.toml.
+
+    Raises:
+        UserError: a file cannot be read, or has what the page cannot show.
+    """
+    if not fits:
+        return CALIBRATIONS
+
+    # The module of fits takes long to import.
+    from iswarm_mj.workflows.fit import Fit, grasp_settings
+    from iswarm_mj.workflows.grasp_settings import GraspSettings, read_settings, settings_of
+
+    of_fits: dict[str, BenchSettings] = {}
+    for number, given in enumerate(fits, start=1):
+        name = f"fit {number}"
+        if isinstance(given, Fit):
+            settings = settings_of(grasp_settings(given), source=name)
+        elif isinstance(given, GraspSettings):
+            settings = given
+        else:
+            check_kind("fits", given, (str, Path, Fit, GraspSettings))
+            name = str(given)
+            settings = read_settings(Path(given))
+        of_fits[name] = BenchSettings.of(settings)
+    return of_fits | CALIBRATIONS
+
+
 _OF_SETTINGS = {"laws", "curve"}
 """What is computed again for other settings."""
 _BEFORE_TRIAL = "Click on the button to watch a trial in slow motion."

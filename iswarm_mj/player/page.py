@@ -4,7 +4,7 @@ import io
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.output import shapes
-from iswarm_mj.player.bench import CALIBRATIONS
+from iswarm_mj.player.bench import CALIBRATIONS, calibrations_of
 from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.guard import Guard
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
@@ -353,7 +353,7 @@ def _place_of_ray(origin: Any, direction: Any, height: float) -> tuple[float, fl
     return float(x), float(y)
 
 
-def play(scenario: Scenario, *, port: int = PORT) -> Page:
+def play(scenario: Scenario, *, port: int = PORT, fits: Sequence[Any] = ()) -> Page:
     """Show a swarm in the browser while it runs, and change it there; see docs/play.md.
 
     In a notebook the returned object shows the page; a script calls its `wait`.
@@ -361,9 +361,12 @@ def play(scenario: Scenario, *, port: int = PORT) -> Page:
     Args:
         scenario: what is simulated, in one world.
         port: where the page is, on this machine alone; the first one from there on that is free.
+        fits: calibrations that the tab Gripper offers and of which it begins with the first: each
+            a `Fit` of `iswarm_mj.fit`, `GraspSettings`, or the path of a fit.toml.
 
     Raises:
         UserError: settings that do not fit each other, or that the page does not use.
     """
     check_kind("scenario", scenario, Scenario)
-    return Page(Session(PageScenario.of(scenario)), port)
+    calibrations = calibrations_of(fits)
+    return Page(Session(PageScenario.of(scenario)), port, calibrations)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj._version import __version__
-from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.fitting.estimate import Interval
 from iswarm_mj.gripper.fitting.fit import Fit, Prediction, Proposal
 from iswarm_mj.gripper.fitting.text import (
@@ -25,12 +24,11 @@ from iswarm_mj.gripper.laws.detachment import (
     PROBE_RADIUS,
     RELEASE_GAP,
 )
-from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.output.results import write_result
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.files import atomic_write
 from iswarm_mj.workflows.grasp import run_grasp
-from iswarm_mj.workflows.grasp_settings import GraspSettings
+from iswarm_mj.workflows.grasp_settings import GraspSettings, settings_of
 
 SETTINGS_FILE = "fit.toml"
 """File that `iswarm grasp --config` and `iswarm clean --config` take."""
@@ -310,27 +308,18 @@ def trial_settings(
         gaps: gaps to the plate of releases [m].
         n_trials: number of trials.
     """
-    groups: dict[str, Any] = {"tool": Surface(), "plate": Surface(), "contacts": Contacts()}
-    of_bench: dict[str, Any] = {}
-    for name, value in grasp_settings(fitted).items():
-        group, dot, field = name.partition(".")
-        if dot:
-            groups[group] = groups[group]._replace(**{field: value})
-        else:
-            of_bench[name] = value
-
+    values = grasp_settings(fitted)
+    values |= {
+        "radius": [f"{radius:.10g}"],
+        "rh": [humidity],
+        "repeats": n_trials,
+        "rh_spread": 0.0,
+        "gap": list(gaps),
+    }
     # Rounded tips have no attempts without contact, and no setting for them.
-    if "tip_curvature" not in of_bench:
-        of_bench["no_contact_gap"] = ()
-    return GraspSettings(
-        radius=(f"{radius:.10g}",),
-        rh=(humidity,),
-        repeats=n_trials,
-        rh_spread=0.0,
-        gap=gaps,
-        **groups,
-        **of_bench,
-    )
+    if "tip_curvature" not in values:
+        values["no_contact_gap"] = []
+    return settings_of(values, source="the fit")
 
 
 def trial_text(entry: Mapping[str, Any]) -> str:

@@ -1,5 +1,6 @@
 """Settings of the gripper's experiments, and the trials that follow from them."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import product
@@ -13,7 +14,8 @@ from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.gripper.units import UM
 from iswarm_mj.utils.constraints import Within, check, spaced, validate
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError, shown
+from iswarm_mj.utils.files import read_toml
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT",
@@ -42,6 +44,12 @@ FITTED: dict[str, Any] = {
     "tip": None,
 }
 """Settings of the paper's experiments, to which works of adhesion and spreads are fitted."""
+FITTED_GROUPS = {
+    "contacts": Contacts()._asdict(),
+    "tool": Surface()._asdict(),
+    "plate": Surface()._asdict(),
+}
+"""Contacts and surfaces with which they are fitted."""
 FITTED_RADII = (15e-6, 25e-6)
 """Least and greatest radius of the paper's balls [m]."""
 VALID_HUMIDITIES = (5.0, 90.0)
@@ -217,6 +225,13 @@ class GraspSettings:
             value = getattr(self, name)
             if value != fitted:
                 texts.append(f"{name} {value}")
+        for group, fitted_values in FITTED_GROUPS.items():
+            values = getattr(self, group)._asdict()
+            texts += [
+                f"{group}.{name} {value}"
+                for name, value in values.items()
+                if value != fitted_values[name]
+            ]
         return texts
 
     @cached_property
@@ -312,6 +327,53 @@ def _beyond(
         return []
     span = f"{min(values) / unit:g} to {max(values) / unit:g} {unit_name}"
     return [f"{name} {span}, not {low / unit:g} to {high / unit:g}"]
+
+
+def settings_of(values: Mapping[str, Any], source: str) -> GraspSettings:
+    """Return the settings that values by the names of flags describe, as `contacts.oxide`.
+
+    Args:
+        values: by names; lists stand for tuples.
+        source: what states them, for messages.
+
+    Raises:
+        UserError: a name is no setting, or a value is not allowed.
+    """
+    default = GraspSettings()
+    settings: dict[str, Any] = {}
+    fields_of_group: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        group, _, field_name = name.rpartition(".")
+        owner = getattr(default, group, None) if group else default
+        if owner is None or not hasattr(owner, field_name):
+            raise UserError(f"{source} names {shown(name)}, which iswarm grasp does not know")
+
+        kept = tuple(value) if isinstance(value, list) else value
+        if group:
+            fields_of_group.setdefault(group, {})[field_name] = kept
+        elif name == "radius":  # whose ranges are texts
+            settings[name] = tuple(str(radius) for radius in kept)
+        else:
+            settings[name] = kept
+
+    for group, fields_of in fields_of_group.items():
+        settings[group] = type(getattr(default, group))(**fields_of)
+    return GraspSettings(**settings)
+
+
+def read_settings(path: Path) -> GraspSettings:
+    """Return the settings in a TOML file, of its table [grasp] if it has one, such as a fit.toml.
+
+    Raises:
+        UserError: it cannot be read, or has other settings.
+    """
+    values = read_toml(path, "name a fit.toml of iswarm fit")
+    of_grasp = {
+        name.removeprefix("grasp."): value
+        for name, value in values.items()
+        if name.startswith("grasp.")
+    }
+    return settings_of(of_grasp or values, source=str(path))
 
 
 class Case(NamedTuple):

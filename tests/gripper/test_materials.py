@@ -24,6 +24,19 @@ SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
 """Settings of two trials."""
 
 
+def test_contacts_and_surfaces_that_the_fit_did_not_have_are_named():
+    settings = GraspSettings(
+        contacts=Contacts(oxide=50e-9),
+        tool=Surface(roughness=2e-9),
+        plate=Surface(preload=1e-6),
+    )
+    assert settings.beyond_the_fit == [
+        "contacts.oxide 5e-08",
+        "tool.roughness 2e-09",
+        "plate.preload 1e-06",
+    ]
+
+
 def test_each_name_is_a_material():
     assert get_args(materials.Name) == tuple(materials.MATERIALS)
 
@@ -148,7 +161,7 @@ class TestRun:
         assert "warning" in output
         assert "radius 12 to 12 um, not 15 to 25, plate_material silica" in output
         result = json.loads((here / "one/result.json").read_text())
-        assert len(result["beyond_the_fit"]) == 2
+        assert len(result["beyond_the_fit"]) == 4
         trials = {measure["experiment"]: measure["trials"] for measure in result["measures"]}
         assert trials["grasp"] == 1
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from support.page import Browser, bench, opened, wait
 
+import iswarm_mj as im
 from iswarm_mj.commands.main import parse
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
@@ -19,7 +20,7 @@ from iswarm_mj.gripper.tips.shapes import cup, flat, ring, rounded
 from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
-from iswarm_mj.player.bench import CALIBRATIONS, outcome
+from iswarm_mj.player.bench import CALIBRATIONS, calibrations_of, outcome
 from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.bench_tip import outlines, tip_mesh
 from iswarm_mj.player.panel import GRIPPER
@@ -305,6 +306,41 @@ work_tool_object = 0.0033
         command = parse(["play", "--config", str(fit), "--fits", str(second)])
         assert [*command.calibrations()] == [str(second), "the paper's balls"]
         assert command.config.gripper.work_tool_object == 0.0033
+
+    def test_python_names_files_settings_and_fits(self, fit):
+        table = [
+            {"kind": "grasp", "radius [um]": radius, "humidity [%]": 10, "voltage [V]": voltage}
+            for radius, voltage in ((15, 24), (20, 27), (25, 31))
+        ]
+        fitted = im.fit(table)
+        calibrations = calibrations_of([fit, fitted, GraspSettings(radius=("2e-5",))])
+        assert [*calibrations] == [str(fit), "fit 2", "fit 3", "the paper's balls"]
+        assert (
+            calibrations[str(fit)].trial
+            == parse(["play", "--fits", str(fit)]).calibrations()[str(fit)].trial
+        )
+        work = 1e3 * fitted.values["work_object_substrate"]
+        assert calibrations["fit 2"].work_object_substrate == pytest.approx(work, rel=1e-3)
+        assert calibrations["fit 3"].radius == 20
+        assert [*calibrations_of([])] == ["the paper's balls"]
+
+    @pytest.mark.parametrize(
+        ("content", "sentence"),
+        [
+            ("work_tool = 5.0", "names work_tool, which iswarm grasp does not know"),
+            ("contacts.oxid = 5.0", r"names contacts\.oxid, which iswarm grasp does not know"),
+            ("work_tool_object = -5.0", "work_tool_object must be between 1e-06 and 10 J/m"),
+            (None, "cannot be read"),
+        ],
+    )
+    def test_a_bad_file_in_python_is_refused(self, tmp_path, content, sentence):
+        path = tmp_path / "bad.toml"
+        if content is not None:
+            path.write_text(content)
+        with pytest.raises(UserError, match=sentence):
+            calibrations_of([path])
+        with pytest.raises(UserError, match="fits must be"):
+            calibrations_of([3])
 
     def test_a_configuration_without_a_bench_has_no_fit(self, tmp_path):
         path = tmp_path / "run.toml"
