@@ -25,7 +25,7 @@ BLUE = "#4477aa"
 ORANGE = "#d55e00"
 GREY = "#777777"
 PALE = "#a8c0d8"
-SEE_FINDINGS = "Tests stand in the findings."
+SEE_FINDINGS = "Test statistics: findings.csv."
 _EFFECT_TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
 """Ticks of the axis of effects [control steps]."""
 _LINEAR_LIMIT = 100
