@@ -111,6 +111,10 @@ def test_the_rates_on_the_first_page_are_those_on_the_page_on_performance():
     assert f"**{1024 * 283 / float(gpu_ms) / 1e3:.0f} million** on one H200" in first_page
     assert f"| {gpu_ms} ms | no GPU |" in first_page
 
+    many_ms = re.search(r"with 1000 robots \(([\d.]+) and", performance)[1]
+    assert f"a control step | {core_ms} ms | 4.4 ms |" in first_page
+    assert f"a control step | {many_ms} ms | 27 ms |" in first_page
+
 
 PROGRAMS = {
     "walk.py": "strategies.md",
