@@ -3,7 +3,7 @@
 import csv
 import math
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -161,40 +161,66 @@ def read_profile(path: Path) -> Profile:
 
 def _read_points(path: Path) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
     """Return the points (r, z) of a table [m]."""
-    example = "write a header such as `r [um],z [um]`, then a point a line"
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "it is no text"
         raise UserError(f"{path} cannot be read ({reason}); name a CSV file of points") from None
+
     rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
-    if len(rows) < 3 or len(rows) - 1 > MAX_POINTS:
+    n_points = len(rows) - 1
+    if not 2 <= n_points <= MAX_POINTS:
         raise UserError(
             f"{path} must have a header and 2 to {MAX_POINTS} points (got {len(rows)} lines); "
-            f"{example}"
+            f"{_EXAMPLE}"
         )
 
-    columns = {}
-    for index, title in enumerate(rows[0]):
-        name, _, unit = title.strip().removesuffix("]").partition("[")
-        if name.strip() in ("r", "z") and unit.strip() not in UNITS:
-            raise UserError(
-                f"{path} must state the unit of {name.strip()}, one of {', '.join(UNITS)} "
-                f"(got {shown(title)!r}); {example}"
-            )
-        columns[name.strip()] = (index, UNITS.get(unit.strip(), 1.0))
-    if not {"r", "z"} <= set(columns):
-        titles = shown(", ".join(rows[0]))
-        raise UserError(f"{path} must have columns r and z (got {titles}); {example}")
-
-    points = []
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            point = [float(row[columns[name][0]]) * columns[name][1] for name in ("r", "z")]
-        except (ValueError, IndexError):
-            point = [math.nan]
-        if not all(map(math.isfinite, point)):
-            raise UserError(f"row {number} of {path} is no point of two numbers; correct it")
-        points.append(point)
+    columns = _read_header(path, rows[0])
+    points = [
+        _read_point(path, number, row, columns) for number, row in enumerate(rows[1:], start=2)
+    ]
     r, z = np.array(points).T
     return r, z
+
+
+_EXAMPLE = "write a header such as `r [um],z [um]`, then a point a line"
+
+
+class _Column(NamedTuple):
+    """A column of a table of points."""
+
+    index: int
+    """Place in each row."""
+    unit: float
+    """Unit of its numbers [m]."""
+
+
+def _read_header(path: Path, titles: list[str]) -> list[_Column]:
+    """Return the columns of r and z."""
+    columns = {}
+    for index, title in enumerate(titles):
+        name, _, unit = title.strip().removesuffix("]").partition("[")
+        name = name.strip()
+        unit = unit.strip()
+        if name in ("r", "z") and unit not in UNITS:
+            raise UserError(
+                f"{path} must state the unit of {name}, one of {', '.join(UNITS)} "
+                f"(got {shown(title)!r}); {_EXAMPLE}"
+            )
+        columns[name] = _Column(index, UNITS.get(unit, 1.0))
+
+    if not {"r", "z"} <= set(columns):
+        given = shown(", ".join(titles))
+        raise UserError(f"{path} must have columns r and z (got {given}); {_EXAMPLE}")
+    return [columns["r"], columns["z"]]
+
+
+def _read_point(path: Path, number: int, row: list[str], columns: list[_Column]) -> list[float]:
+    """Return the point (r, z) of a row of a table [m]; its number is for messages."""
+    try:
+        point = [float(row[column.index]) * column.unit for column in columns]
+    except (ValueError, IndexError):
+        point = [math.nan]
+    if not all(map(math.isfinite, point)):
+        raise UserError(f"row {number} of {path} is no point of two numbers; correct it")
+    return point

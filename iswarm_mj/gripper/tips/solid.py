@@ -20,11 +20,14 @@ SHAFT = 2.0
 def points_of(profile: Profile) -> tuple[np.ndarray, np.ndarray]:
     """Return points (r, z) of the face, with the ends of all its arcs [m]."""
     face = profile.face
-    places = [0.0]
+    arc_lengths = [0.0]
     for start, length, curvature in zip(face.start, face.length, face.curvature, strict=True):
-        n = _POINTS_A_PIECE if curvature else 1
-        places += (start + length * np.arange(1, n + 1) / n).tolist()
-    r, z = face.at(np.array(places))
+        n_points = _POINTS_A_PIECE if curvature else 1
+        from_start = length * np.arange(1, n_points + 1) / n_points
+        arc_lengths += (start + from_start).tolist()
+    r, z = face.at(np.array(arc_lengths))
+
+    # Rounding may leave r next to the axis, or let it fall along the wall.
     r[0] = 0.0
     return np.maximum.accumulate(r), z
 
