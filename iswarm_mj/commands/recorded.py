@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from iswarm_mj.player.film import Film
+from iswarm_mj.player.film import VIDEO_SUFFIXES, Film
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import printable
 from iswarm_mj.utils.extras import require
@@ -63,46 +63,45 @@ class Picture(RenderOptions):
 
 
 @dataclass(frozen=True)
-class Video(RenderOptions):
-    """Render a recorded run to an mp4 video, off-screen."""
+class Video(Film):
+    """Draw a recorded run as a video: MP4, animated GIF or animated WebP."""
 
-    title: str = ""
-    """Text in the upper left corner."""
-    steps: Annotated[int | None, Within(1)] = None
-    """Number of control steps from the start; all by default."""
-    frames_per_step: Annotated[int, Within(1, 24)] = 2
-    """Frames per control step, at 24 frames a second."""
+    directory: tyro.conf.Positional[Path] = Path("runs/clean")
+    """The --out of a run of `iswarm clean` or `iswarm run`."""
+    last: Annotated[int | None, Within(1)] = None
+    """Control step with which it ends; by default that of the run."""
+    speed: Annotated[float, Within(0.1, 60, "1/s")] = 12.0
+    """Control steps a second."""
     camera: Literal["above", "oblique"] = "oblique"
+    """Camera position."""
+    legend: bool = True
+    """Explain the colours."""
     width: Annotated[int, Within(64, 4096, "pixels")] = 1280
     """Width of the frames, an even number."""
     height: Annotated[int, Within(64, 4096, "pixels")] = 720
     """Height of the frames, an even number."""
     out: Path = Path("swarm.mp4")
-    """The file to write."""
+    """The file to write: .mp4, .gif or .webp."""
 
     def __post_init__(self):
         super().__post_init__()
         for name in ("width", "height"):
             pixels = getattr(self, name)
             check(name, pixels, "an even number of pixels", pixels % 2 == 0)
-        check_name(self.out, ".mp4")
+        check_name(self.out, *VIDEO_SUFFIXES)
 
     def run(self) -> None:
         """Run the command."""
         require("video")
-        from iswarm_mj.output import video
-        from iswarm_mj.output.offscreen import Shot
+        from iswarm_mj.output.offscreen import load_recorded
+        from iswarm_mj.player.video import write_video
 
-        shot = Shot(self.camera, (self.width, self.height), fine=False)
-        video.write_video(
-            self.directory,
-            self.out,
-            shot,
-            frames_per_step=self.frames_per_step,
-            steps=self.steps,
-            title=self.title,
+        size = (self.width, self.height)
+        run = load_recorded(self.directory)
+        last = write_video(
+            run, self, self.out, camera=self.camera, size=size, has_legend=self.legend
         )
-        print(f"video of {self.directory}: {self.out}")
+        print(f"steps {self.first} to {last} of {self.directory}: {self.out}")
 
 
 @dataclass(frozen=True)

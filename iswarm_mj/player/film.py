@@ -1,9 +1,12 @@
-"""Which part of a run a replay shows, and how; also flags of its command."""
+"""Which part of a run a replay or a video shows, and how; also flags of their commands."""
 
 from dataclasses import dataclass
 from typing import Annotated
 
 from iswarm_mj.utils.constraints import Within, validate
+
+VIDEO_SUFFIXES = (".mp4", ".gif", ".webp")
+"""Suffixes of the names of videos."""
 
 
 @dataclass(frozen=True)

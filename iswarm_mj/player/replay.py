@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj.output.loading import SavedRun
-from iswarm_mj.output.memory_vectors import recorded_vectors
 from iswarm_mj.output.palette import Rgb
-from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
-from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.player.film import Film
+from iswarm_mj.player.filming import check_names, frames_of
 from iswarm_mj.player.page import close_server, open_server
-from iswarm_mj.player.scene import legend, ways_to_colour
+from iswarm_mj.player.scene import legend
 from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.player.widgets import spots
 from iswarm_mj.utils.constraints import check
@@ -51,9 +49,9 @@ def swarm_film(run: SavedRun, film: Film) -> SwarmFilm:
         ConfigError: the run has no such steps, no such colours, or nothing of that name to draw.
     """
     scene = run.scene
-    frames = _frames_of(run)
+    frames = frames_of(run)
     last = _last_step(film, end=int(frames.step[-1]))
-    _check_names(film, scene, frames)
+    check_names(film, scene, frames)
 
     def draw(server: Any) -> Iterator[float]:
         aim(server.initial_camera, scene)
@@ -75,16 +73,6 @@ def swarm_film(run: SavedRun, film: Film) -> SwarmFilm:
     return SwarmFilm(draw, legend(scene, film.colour_by, is_alive), last)
 
 
-def _frames_of(run: SavedRun) -> Frames:
-    """Return the frames of the first recorded world of a run."""
-    known = {*ARRAYS, *run.scene.memory_names}
-    of_task = (AREA, METRIC)
-    arrays = run.arrays.items()
-    return Frames.from_arrays(
-        {name: a for name, a in arrays if name in known or name.startswith(of_task)}
-    )
-
-
 def _last_step(film: Film, end: int) -> int:
     """Return the last control step of a film of a run that ends with a step.
 
@@ -97,19 +85,6 @@ def _last_step(film: Film, end: int) -> int:
     constraint = f"a control step after the first one, up to {end}"
     check("last", last, constraint, film.first < last <= end)
     return last
-
-
-def _check_names(film: Film, scene: Scene, frames: Frames) -> None:
-    """Check what colours robots in a film, and what it draws.
-
-    Raises:
-        ConfigError: the run has no such colours, or nothing of that name to draw.
-    """
-    ways = ways_to_colour(scene, frames[:1])
-    check("colour_by", film.colour_by, " or ".join(ways), film.colour_by in ways)
-    drawable = ("links", "trails", *(vector.stem for vector in recorded_vectors(scene.memory)))
-    for name in film.draw:
-        check("draw", name, f"some of {', '.join(drawable)}", name in drawable)
 
 
 def serialized(draw: Draw) -> Any:

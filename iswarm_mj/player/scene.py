@@ -187,7 +187,9 @@ def colours(
     """
     if by == STATE:
         class_of_robot = robot_classes(scene, frames.is_loaded, frames.has_priority)[0]
-        colour_of_class = {number: colour for number, _, colour in shown_classes(scene)}
+        # Robots of some tasks are loaded although there are no balls.
+        with_balls = scene._replace(ball_radius=np.zeros(1))
+        colour_of_class = {number: colour for number, _, colour in shown_classes(with_balls)}
         living = np.array([colour_of_class[number] for number in class_of_robot.tolist()], np.uint8)
     else:
         values = colour_values(scene, frames, energy)[by]

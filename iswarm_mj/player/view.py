@@ -20,7 +20,7 @@ from iswarm_mj.utils.units import RD
 _ROOT = "/swarm"
 _GREY = (95, 95, 105)
 _RING_COLOUR = (20, 20, 20)
-_ARROW_COLOURS = (SKY, YELLOW, GREEN, PINK)
+ARROW_COLOURS = (SKY, YELLOW, GREEN, PINK)
 """Colours of the arrows, one for each remembered vector in turn."""
 _NO_LINE = np.zeros((1, 2, 3), np.float32)
 """A line of no length, which hides a node, since a node cannot have no lines."""
@@ -137,7 +137,7 @@ class SwarmView:
         """Add nodes for the arrows of each vector that robots remember."""
         nodes = {}
         for k, vector in enumerate(recorded_vectors(self.scene.memory)):
-            colour = np.array(rgb(_ARROW_COLOURS[k % len(_ARROW_COLOURS)]), np.uint8)
+            colour = np.array(rgb(ARROW_COLOURS[k % len(ARROW_COLOURS)]), np.uint8)
             nodes[vector.stem] = self._drawn.add_arrows(
                 f"{_ROOT}/{vector.stem}",
                 _NO_LINE,

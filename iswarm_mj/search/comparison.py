@@ -250,7 +250,7 @@ class Comparison:
         """
         directory = Path(out)
         make_output_directory(directory, given=directory)
-        settings = {"candidates": self.names, "measure": self.measure, "statistic": self.statistic}
+        settings = {"candidates": self.names, "result": self.sentences()}
         write_table(directory / TABLE, self.rows(), settings, csv=True)
         with atomic_write(directory / CONTENT) as part:
             part.write_text(json.dumps(self.to_json(), indent=2) + "\n", encoding="utf-8")

@@ -16,7 +16,7 @@ EXTRAS = {
     "paper": ("jinja2", "matplotlib"),
     "play": ("msgspec", "viser", "websockets"),
     "search": ("cmaes", "matplotlib"),
-    "video": ("imageio_ffmpeg",),
+    "video": ("imageio_ffmpeg", "matplotlib"),
     "warp": ("warp",),
 }
 """Modules that each extra installs; of a module in several, the first is named."""

@@ -69,6 +69,8 @@ def test_strategies_a_finished_run_and_a_file_in_the_same_worlds(here, capfd):
     assert effects["Walk"]["collisions"]["is_paired"]
     assert effects["b"]["collisions"]["difference"] == {"estimate": 0, "low": 0, "high": 0}
     assert "b and runs/a have the same settings." in capfd.readouterr().out
+    assert code_of("inspect", "runs/compare") == 0
+    assert "comparison of runs/a, Walk, b" in capfd.readouterr().out
     names = {path.name for path in Path("runs/compare").iterdir()}
     assert names == {f"compare.{suffix}" for suffix in ("csv", "json", "parquet", "png", "svg")} | {
         "runs.sqlite"

@@ -11,10 +11,10 @@ from support.recorded import write_run
 from iswarm_mj import load
 from iswarm_mj.output.offscreen import Shot, render
 from iswarm_mj.output.rerun_format import RrdFile
-from iswarm_mj.output.video import write_video
 from iswarm_mj.paper.report.html_report import write_report
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.replay import write_replay
+from iswarm_mj.player.video import write_video
 from iswarm_mj.strategy.network import save_weights
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write
@@ -23,7 +23,7 @@ from iswarm_mj.utils.tables import write_csv, write_table
 WRITERS = {
     "recording": lambda path, run: RrdFile("test", path, rrb.Blueprint()),
     "picture": lambda path, run: render(run, 1, Shot(), path),
-    "video": lambda path, run: write_video(run, path, Shot()),
+    "video": lambda path, run: write_video(load(run), Film(), path),
     "replay": lambda path, run: write_replay(load(run), Film(), path),
     "report": lambda path, run: write_report([run], path),
     "table": lambda path, run: write_table(path, [{"a": 1}], {}),

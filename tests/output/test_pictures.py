@@ -1,27 +1,23 @@
-"""Pictures and videos of runs: any number of robots, colours of their states, and clear errors."""
+"""Pictures of runs: any number of robots, colours of their states, and clear errors."""
 
 import subprocess
 import sys
 from unittest.mock import MagicMock
 
-import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from support.files import full_disk
 from support.opengl import needs_opengl, of_colour
 from support.recorded import write_run
 
 from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.walls import area_of
-from iswarm_mj.output import video
 from iswarm_mj.output.loading import load
 from iswarm_mj.output.offscreen import ArenaRenderer, Shot, render
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.shapes import floor
-from iswarm_mj.output.video import RATE, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
 
@@ -30,7 +26,6 @@ N_ROBOTS = 330
 SIZE = 400
 """Width and height of the picture from above [pixels]."""
 OBLIQUE_SIZES = [(120, 200), (320, 100)]
-FILM_SIZE = (640, 480)
 SMALL_SHOT = Shot(size=(64, 64))
 
 
@@ -56,34 +51,16 @@ def directory(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def drawn(directory, small, tmp_path_factory):
-    """Directory of pictures and of a film, which a process of its own draws.
-
-    The film shows a robot that walks to the right, and is loaded from step 2 on.
-    """
+def drawn(directory, tmp_path_factory):
+    """Directory of pictures, which a process of its own draws."""
     out = tmp_path_factory.mktemp("drawn")
     few_robots = write_run(tmp_path_factory.mktemp("few"))
-    pose = np.array([[[x, 0.008, 0.0]] for x in (-0.012, 0.0, 0.012, 0.012)], np.float32)
-    write_run(
-        out,
-        small,
-        step=np.arange(4),
-        pose=pose,
-        is_loaded=np.array([[False], [False], [True], [True]]),
-        scene_is_scout=np.array([False]),
-        scene_ball_radius=np.array([2e-5]),
-        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (4, 1, 1)),
-    )
-
     above = f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"
     lines = [above]
     for width, height in OBLIQUE_SIZES:
         size = f"--width {width} --height {height}"
         path = f"{out}/{width}x{height}.png"
         lines.append(f"picture {few_robots} --step 0 --camera oblique {size} --out {path}")
-    width, height = FILM_SIZE
-    flags = f"--steps 2 --camera above --width {width} --height {height} --title robot"
-    lines.append(f"video {out} {flags} --out {out}/a.mp4")
 
     code = """
 import sys
@@ -124,24 +101,6 @@ def test_a_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
     ):
         has_colour = of_colour(pixels, colour)
         assert has_colour[rows].sum() > 0.7 * has_colour.sum() > 500
-
-
-@needs_opengl
-def test_a_run_is_filmed(drawn):
-    """There are two frames a step, and one of the last, step 2; a loaded robot turns blue."""
-    frames, _ = decoded(drawn / "a.mp4", FILM_SIZE)
-    assert len(frames) == 5
-    upper = frames[:, :236].astype(int)  # above the dump and the dust areas; the caption is grey
-
-    def columns(frame, colour):
-        return np.nonzero(of_colour(frame, colour))[1]
-
-    empty = [columns(frame, EMPTY) for frame in upper[:4]]
-    assert all(len(pixels) > 4 for pixels in empty)
-    middles = [pixels.mean() for pixels in empty]
-    assert np.diff(middles) == pytest.approx([middles[1] - middles[0]] * 3, abs=2)
-    assert middles[2] == pytest.approx(320, abs=3)
-    assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
 
 
 class WithoutOpenGL:
@@ -291,14 +250,10 @@ class TestErrors:
         with pytest.raises(UserError, match=message):
             render(write_run(tmp_path), step, shot, tmp_path / out)
 
-    @pytest.mark.parametrize("is_video", [False, True])
-    def test_arrays_that_do_not_fit_are_not_drawn(self, tmp_path, is_video):
+    def test_arrays_that_do_not_fit_are_not_drawn(self, tmp_path):
         run = write_run(tmp_path, scene_area_shapes=np.array(["disc"]))
         with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
-            if is_video:
-                write_video(run, tmp_path / "a.mp4", SMALL_SHOT)
-            else:
-                render(run, 1, SMALL_SHOT, tmp_path / "a.png")
+            render(run, 1, SMALL_SHOT, tmp_path / "a.png")
         assert not list(tmp_path.glob("a.*"))
 
 
@@ -323,68 +278,3 @@ class NoiseRenderer:
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
     monkeypatch.setattr("iswarm_mj.output.offscreen.ArenaRenderer", NoiseRenderer)
     assert render(directory, None, SMALL_SHOT, tmp_path / "a.png") == 0
-
-
-def decoded(path, size):
-    """Frames (T, height, width, 3) and the description of a video."""
-    width, height = size
-    reader = imageio_ffmpeg.read_frames(str(path))
-    description = next(reader)
-    frames = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
-    return np.array(frames), description
-
-
-class TestVideo:
-    """A video of a run of three frames, whose task has a metric."""
-
-    SHOT = Shot(size=(320, 240))
-    FRAMES_PER_STEP = 24
-    SHARES = (0.1, 0.25, 0.5)
-
-    @pytest.fixture
-    def run(self, tmp_path_factory, monkeypatch):
-        monkeypatch.setattr("iswarm_mj.output.video.ArenaRenderer", NoiseRenderer)
-        return write_run(
-            tmp_path_factory.mktemp("run"),
-            scene_metric_names=["share"],
-            scene_metric_units=[""],
-            scene_metric_descriptions=[""],
-            metric_share=list(self.SHARES),
-        )
-
-    def test_one_that_fails_leaves_the_old_one_and_no_other_file(self, run, tmp_path):
-        out = tmp_path / "a.mp4"
-        out.write_bytes(b"old")
-        with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
-            write_video(run, out, self.SHOT, self.FRAMES_PER_STEP)
-        assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
-        assert out.read_bytes() == b"old"
-
-    def test_captions_have_title_step_and_metrics(self, run, tmp_path, monkeypatch):
-        captions = []
-        add_caption = video._captioned
-
-        def keep_and_add(pixels, lines):
-            captions.append(lines)
-            return add_caption(pixels, lines)
-
-        monkeypatch.setattr(video, "_captioned", keep_and_add)
-        out = tmp_path / "a.mp4"
-        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP, title="few")
-        assert captions[:: self.FRAMES_PER_STEP] == [
-            ["few", f"step {step}", f"share {share}"] for step, share in enumerate(self.SHARES)
-        ]
-
-    def test_all_steps_are_shown_where_there_are_fewer(self, run, tmp_path):
-        out = tmp_path / "a.mp4"
-        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP, steps=99)
-        frames, description = decoded(out, self.SHOT.size)
-        assert len(frames) == 2 * self.FRAMES_PER_STEP + 1
-        assert description["codec"] == "h264" and description["fps"] == RATE
-        assert description["pix_fmt"].startswith("yuv420p")
-
-    def test_the_index_comes_first_so_that_it_plays_while_it_loads(self, run, tmp_path):
-        out = tmp_path / "a.mp4"
-        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP)
-        data = out.read_bytes()
-        assert data.index(b"moov") < data.index(b"mdat")

@@ -29,7 +29,7 @@ STARTS = [
     "iswarm_mj.gripper.bench.run_trials.run_trials",
     "iswarm_mj.gripper.bench.force_curve.force_curve",
     "iswarm_mj.output.offscreen.ArenaRenderer",
-    "iswarm_mj.output.video.ArenaRenderer",
+    "iswarm_mj.player.video.Painter",
 ]
 """Functions and classes by which physics, pictures or workers would start."""
 REFUSAL = re.compile(r"(iswarm: (placing|preparing) [^\n]+\n)*iswarm: [^\n]+\n")

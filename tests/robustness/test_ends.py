@@ -45,7 +45,7 @@ ALL_LONG = {
     "bench": f"bench {ARENA} --robots=30 --steps=100000 --engine={{engine}}",
     "play": f"play {ARENA} --no-open --robots=30 --engine={{engine}} --out={{out}}",
     "grasp": "grasp --repeats=1000 --out={out}",
-    "video": "video {run} --frames-per-step=24 --out={out}/a.mp4",
+    "video": "video {run} --frames-per-step=24 --speed=2 --out={out}/a.mp4",
     "replay": "replay {run} --frames-per-step=24 --out={out}/a.html",
 }
 """Arguments of commands that run for long, most of which compile first."""

@@ -71,8 +71,8 @@ COMMANDS = {
     ),
     "video": Writing(
         "video {run} --width=64 --height=64 --out={out}/a.mp4",
-        short="--steps=2",
-        long="--frames-per-step=24",
+        short="--last=2",
+        long="--frames-per-step=24 --speed=2",
     ),
     "report": Writing(
         "report --out={out}/a.html",

@@ -19,7 +19,7 @@ from iswarm_mj.paper.report.listed_files import (
 )
 from iswarm_mj.paper.report.results import SEARCH, TRIALS, explaining_damage
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
-from iswarm_mj.search import grasp_sweep, sweep
+from iswarm_mj.search import comparison, grasp_sweep, sweep
 from iswarm_mj.search.best import best_of
 from iswarm_mj.search.journal import RUNS, count
 from iswarm_mj.search.rows import Row, Rows
@@ -36,13 +36,14 @@ from iswarm_mj.workflows.grasp_summary import (
     table_lines,
 )
 
-_JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
+_JOURNALS = {RUNS: "an experiment, a sweep or a comparison", CHECKPOINT: "a search"}
 """Names of journals, and what their runs are of."""
 _TABLES = (
     SEARCH,
     TRIALS,
     grasp.CURVES,
     sweep.SWEEP,
+    comparison.TABLE,
     *(experiment.table for experiment in EXPERIMENTS.values()),
 )
 """Names of tables that are described."""
@@ -195,6 +196,9 @@ def _describe_table(path: Path) -> Sequence[str]:
     rows, settings = read_table(path)
     if path.name == sweep.SWEEP:
         return _describe_sweep(rows, settings)
+    if path.name == comparison.TABLE:
+        title = f"comparison of {', '.join(settings['candidates'])}, version {settings['version']}"
+        return [title, *settings["result"]]
     if path.name == SEARCH:
         return _describe_search(rows, settings)
     if path.name == TRIALS:

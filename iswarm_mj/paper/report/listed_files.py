@@ -32,6 +32,7 @@ FILES = {
     "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, "
     ".steps",
     "*.rrd": "recording: rerun {path}",
+    "compare.json": "result of a comparison: effects with intervals, and what differs",
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
     "checkpoint.sqlite": "finished runs, with which the same command goes on",
@@ -42,6 +43,8 @@ FILES = {
     "*.png": "figure or picture",
     "*.svg": "the same figure, for print",
     "*.mp4": "video",
+    "*.gif": "video",
+    "*.webp": "video, or a picture",
 }
 """What a file is and how to open it, by the pattern of its name."""
 
