@@ -31,24 +31,35 @@ WALL = 7.5 * RD
 """Distance of the walls from the arena's centre."""
 
 
-def engines_of(config, n_robots, file=None):
-    """Return the engines of one world by their names."""
+def engines_of(config, n_robots, file=None, n_worlds=1):
+    """Return the engines by their names; the number of worlds is MuJoCo's alone."""
     of_all = compile_arena(config, n_robots, np.zeros(0), robot_file=file)
     of_one = compile_arena(config, 1, np.zeros(0), robot_file=file)
     plain = PlanarEngine(config, of_one, 1)
     batch = read_engine(of_one, config, jax.default_backend())
-    mujoco = MujocoEngine(config, of_all, 1, 1, n_robots)
+    mujoco = MujocoEngine(config, of_all, n_worlds, 1, n_robots)
     return {"mujoco": mujoco, "numba": plain, "warp": batch}
 
 
 def motions(engine, poses, velocity, n_steps=12):
-    """Return the motions of each physics step of robots and boxes, with the robots' set points."""
-    n_robots = len(poses) - engine.n_boxes
-    bodies = engine.place(np.array([poses], float), np.ones((1, n_robots), bool))
+    """Return the motions of each physics step of robots and boxes, with the robots' set points.
+
+    Args:
+        engine: engine of any number of worlds.
+        poses: (B, N + M, 3) at the start, or (N + M, 3) of one world.
+        velocity: (N, 3) set points, the same in all worlds.
+        n_steps: number of physics steps.
+    """
+    poses = np.array(poses, float)
+    if poses.ndim == 2:
+        poses = poses[None]
+    n_worlds = len(poses)
+    n_robots = poses.shape[1] - engine.n_boxes
+    bodies = engine.place(poses, np.ones((n_worlds, n_robots), bool))
+    targets = np.tile(np.array(velocity, float), (n_worlds, 1, 1))
     each = []
     for _ in range(n_steps):
-        phase = Phase(1, lambda _: np.array([velocity], float))
-        motion = engine.move(bodies, [phase], np.ones(1, bool))
+        motion = engine.move(bodies, [Phase(1, lambda _: targets)], np.ones(n_worlds, bool))
         bodies = motion.bodies
         each.append(motion)
     return each
@@ -65,22 +76,28 @@ class TestHeadOn:
     def engines(cls):
         return engines_of(SMALL, 2)
 
-    @pytest.mark.parametrize("distance", ONSETS)
+    @pytest.fixture(scope="class")
+    @classmethod
+    def engines_of_all_onsets(cls):
+        """Return engines with a world for each of `ONSETS`."""
+        return engines_of(SMALL, 2, n_worlds=len(ONSETS))
+
     @pytest.mark.parametrize("walks", [(True, True), (True, False), (False, True)])
     @pytest.mark.parametrize("yaw", [0.0, np.pi / 4])
-    def test_robots_come_to_touch_and_hardly_overlap(self, engines, name, distance, walks, yaw):
+    def test_robots_come_to_touch_and_hardly_overlap(self, engines_of_all_onsets, name, walks, yaw):
         """Wherever the steps fall; both walk, or one pushes the other; the second may be askew."""
         reach = 1 + (np.sqrt(2) if yaw else 1)
-        start = [(0, 0, 0), (reach + distance, 0, yaw)]
+        start = [[(0, 0, 0), (reach + distance, 0, yaw)] for distance in ONSETS]
         velocity = [(FULL_SPEED * walks[0], 0, 0), (-FULL_SPEED * walks[1], 0, 0)]
-        steps = motions(engines[name], start, velocity)
-        gaps = []
-        for motion in steps:
-            first, second = np.asarray(motion.bodies.poses)[0]
-            gaps.append(gap(first, second, (1, 1), (1, 1)))
-        assert min(gaps) > (-HEAD_ON if all(walks) else 0.0)
-        assert gaps[-1] < TOUCHING
-        assert steps[-1].touching.any()
+        steps = motions(engines_of_all_onsets[name], start, velocity)
+
+        gaps = np.empty((len(steps), len(ONSETS)))
+        for k, motion in enumerate(steps):
+            for world, (first, second) in enumerate(np.asarray(motion.bodies.poses)):
+                gaps[k, world] = gap(first, second, (1, 1), (1, 1))
+        assert gaps.min() > (-HEAD_ON if all(walks) else 0.0)
+        assert gaps[-1].max() < TOUCHING
+        assert np.asarray(steps[-1].touching).any(axis=(1, 2)).all()
 
     def test_they_touch_by_force_and_distance(self, engines, name):
         """Near and pressed together; near and going apart; braking at a distance."""
@@ -145,22 +162,28 @@ def long_robot(tmp_path_factory):
     return robot_file(tmp_path_factory.mktemp("robots"), "four askew")
 
 
+YAWS = [0.0, 0.3, np.pi / 4, np.pi / 2]
+"""Yaws at which a robot walks into a solid."""
+
+
 @pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
-@pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 4, np.pi / 2])
 @pytest.mark.parametrize("solid", SOLIDS)
-def test_long_robots_stop_at_solids_without_overlap(long_robot, name, yaw, solid):
+def test_long_robots_stop_at_solids_without_overlap(long_robot, name, solid):
     part, pose, half_edges = SOLIDS[solid]
     config = SwarmConfig(replace(SMALL.arena, **part))
-    engine = engines_of(config, 1, long_robot)[name]
+    engine = engines_of(config, 1, long_robot, n_worlds=len(YAWS))[name]
     robot_radius = np.hypot(*HALF)
     start_x = pose[0] - half_edges[0] * (np.sqrt(2) if solid == "obstacle" else 1) - robot_radius
-    robots = np.array([[(start_x - 0.61, 0.1, yaw)]])
-    boxes = np.array(poses_of_boxes(config.arena.boxes)).reshape(1, -1, 3)
-    poses = np.concatenate([robots, boxes], axis=1)[0]
-    velocity = [(FULL_SPEED, 0, 0)]
-    gaps = []
-    for motion in motions(engine, poses, velocity, 16):
-        robot_pose = np.asarray(motion.bodies.poses)[0, 0]
-        gaps.append(gap(robot_pose, pose, HALF, half_edges))
-    assert min(gaps) > -RIGID
-    assert min(gaps) < TOUCHING
+
+    # A world for each yaw.
+    robots = np.array([[(start_x - 0.61, 0.1, yaw)] for yaw in YAWS])
+    boxes = np.array(poses_of_boxes(config.arena.boxes)).reshape(-1, 3)
+    poses = np.concatenate([robots, np.tile(boxes, (len(YAWS), 1, 1))], axis=1)
+    steps = motions(engine, poses, [(FULL_SPEED, 0, 0)], 16)
+
+    gaps = np.empty((len(steps), len(YAWS)))
+    for k, motion in enumerate(steps):
+        for world, bodies in enumerate(np.asarray(motion.bodies.poses)):
+            gaps[k, world] = gap(bodies[0], pose, HALF, half_edges)
+    assert gaps.min() > -RIGID
+    assert gaps.min(axis=0).max() < TOUCHING

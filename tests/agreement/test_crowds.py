@@ -135,29 +135,41 @@ def press_into_walls(poses, walls):
 
 
 @jax.jit
-def step_in_mjx(engine, poses, velocity, command):
-    """Return the motion of a world in a control step, and the light before."""
+def move_in_mjx(engine, poses, velocity, command):
+    """Return the motion of a world in a control step."""
+    bodies = engine.place(poses, jnp.asarray(IS_PRESENT))._replace(velocity=velocity)
+    return engine.move(bodies, drive_phases(FURNISHED.drive, command), jnp.bool_(True))
+
+
+@jax.jit
+def sense_in_mjx(engine, poses):
+    """Return the light in a world."""
     present = jnp.asarray(IS_PRESENT)
-    is_running = jnp.bool_(True)
-    bodies = engine.place(poses, present)._replace(velocity=velocity)
-    motion = engine.move(bodies, drive_phases(FURNISHED.drive, command), is_running)
-    return motion, engine.sense(bodies, present, is_running)
+    return engine.sense(engine.place(poses, present), present, jnp.bool_(True))
 
 
-def step(engine, poses, velocities, command):
-    """Return motion and light of all worlds in a control step, as NumPy arrays."""
+def move(engine, poses, velocities, command):
+    """Return the motion of all worlds in a control step, as NumPy arrays."""
     if isinstance(engine, MjxEngine):
-        outcomes = []
+        motions = []
         for world in range(N_WORLDS):
             world_command = Command(command.turn[world], command.forward[world])
             state = np.float32(poses[world]), np.float32(velocities[world])
-            outcomes.append(step_in_mjx(engine, *state, world_command))
-        return jax.tree.map(lambda *parts: np.stack(parts), *outcomes)
+            motions.append(move_in_mjx(engine, *state, world_command))
+        return jax.tree.map(lambda *parts: np.stack(parts), *motions)
 
     bodies = moving(engine, engine.place(poses, PRESENT), poses, velocities)
-    reading = engine.sense(bodies, PRESENT, RUNNING)
     motion = engine.move(bodies, drive_phases(FURNISHED.drive, command), RUNNING)
-    return jax.tree.map(np.asarray, (motion, reading))
+    return jax.tree.map(np.asarray, motion)
+
+
+def sense(engine, poses):
+    """Return the light in all worlds, as NumPy arrays."""
+    if isinstance(engine, MjxEngine):
+        readings = [sense_in_mjx(engine, np.float32(world)) for world in poses]
+        return jax.tree.map(lambda *parts: np.stack(parts), *readings)
+    reading = engine.sense(engine.place(poses, PRESENT), PRESENT, RUNNING)
+    return jax.tree.map(np.asarray, reading)
 
 
 def corners_of(poses):
@@ -190,14 +202,14 @@ class TestControlSteps:
             # A step in C: all robots walk ahead and turn somewhat.
             turn = np.float32(rng.uniform(-0.3, 0.3, (N_WORLDS, N_ROBOTS)))
             command = Command(turn, np.full((N_WORLDS, N_ROBOTS), 1.4, np.float32))
-            expected, _ = step(in_c, poses, velocities, command)
+            expected = move(in_c, poses, velocities, command)
             assert not expected.fault.any()
             end_velocities = velocities_of(in_c, expected.bodies)
             ends = np.dstack([expected.bodies.poses, timestep * end_velocities])
 
             # The same step in the other engines.
             for engine_name, engine in tested_engines.items():
-                motion, _ = step(engine, poses, velocities, command)
+                motion = move(engine, poses, velocities, command)
                 assert not motion.fault.any()
                 state = np.dstack([motion.bodies.poses, timestep * motion.bodies.velocity])
                 error = np.abs(state - ends)[:, is_present].max(axis=-1)
@@ -246,18 +258,16 @@ def test_light(scene):
     in_c, tested_engines = engines(config, robot_files)
     bare = replace(config, arena=replace(config.arena, obstacles=(), boxes=()))
     bare_engine = PlanarEngine(bare, arena_of_one(bare, robot_files), 1)
-    stand = Command(*np.zeros((2, N_WORLDS, N_ROBOTS), np.float32))
     n_hidden = 0
     n_obstacles_seen = 0
     for seed in range(3):
         poses = starts(config, robot_files, np.random.default_rng(10 + seed))
         poses = press_into_walls(poses, in_mm(config.arena.walls))
-        at_rest = np.zeros_like(poses)
-        _, expected = step(in_c, poses, at_rest, stand)
+        expected = sense(in_c, poses)
         valid = expected.links.valid
         senders = expected.links.sender[valid]
         for engine_name, engine in tested_engines.items():
-            _, reading = step(engine, poses, at_rest, stand)
+            reading = sense(engine, poses)
             links = reading.links
             np.testing.assert_array_equal(links.valid, valid, err_msg=engine_name)
             np.testing.assert_array_equal(links.sender[valid], senders, err_msg=engine_name)

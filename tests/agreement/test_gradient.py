@@ -101,6 +101,7 @@ def double():
     return call
 
 
+@pytest.mark.slow
 def test_without_contacts_it_is_the_closed_form(double):
     slope, _, touching = double(APART, PARAMETERS)
     assert not touching.any()
@@ -113,6 +114,7 @@ def test_without_contacts_it_is_the_closed_form(double):
     np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_with_contacts_it_agrees_with_differences(double):
     h = 1e-4
     slope, _, touching = double(CROWD, PARAMETERS)
@@ -128,6 +130,27 @@ def test_with_contacts_it_agrees_with_differences(double):
         np.testing.assert_array_equal(touching_below, touching)
     assert min(np.abs(differences)) > 0.01
     np.testing.assert_allclose(slope, differences, rtol=3e-5)
+
+
+def test_of_a_single_phase():
+    """A free robot walks as far as its speed says; one that pushes another yields to it."""
+    n_steps = 6
+    engine = MjxEngine(compile_mjx_arena(SMALL, 3, "jax", 1), SMALL, is_masked=False)
+    poses = jnp.array([[-6.0, -6.0, 0.0], [0.0, 0.0, 0.0], [2.02, 0.0, 0.0]])
+
+    def ends(speed):
+        phase = Phase(n_steps, lambda robots: jnp.zeros_like(robots).at[:2, 0].set(speed))
+        bodies = engine.place(poses, jnp.ones(3, bool))
+        return engine.move(bodies, [phase], jnp.bool_(True)).bodies.poses[:, 0]
+
+    program = jax.jit(lambda speed, change: jax.jvp(ends, (speed,), (change,)))
+    _, slopes = program(1.8, 1.0)
+    above, _ = program(1.9, 1.0)
+    below, _ = program(1.7, 1.0)
+    duration = n_steps * SMALL.drive.timestep
+    np.testing.assert_allclose(slopes[0], duration, rtol=1e-5)
+    assert 0.2 * duration < slopes[2] < slopes[1] < 0.8 * duration
+    np.testing.assert_allclose(slopes, (above - below) / 0.2, atol=2e-3)
 
 
 @pytest.mark.slow

@@ -194,6 +194,7 @@ class TestPage:
         start = session.snapshots[0].record.boxes[0, 0, 0]
         np.testing.assert_allclose(box[:2] - start[:2], [0.0, 6.0], atol=YIELDS)
 
+    @pytest.mark.slow
     def test_its_settings_change_and_balls_drop(self):
         session = parse(["play", "--config=closing.toml"]).session()
         controls = {control.name: control for control in session.controls()}

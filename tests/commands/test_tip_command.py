@@ -1,13 +1,18 @@
 """The command `iswarm tip`: what it prints and writes, and how it goes with other commands."""
 
+import io
 import json
 import math
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 import trimesh
 from support.cli import code_of, refused, result
 
+from iswarm_mj.commands.main import parse
 from iswarm_mj.gripper.tips.search import Limits
 from iswarm_mj.gripper.tips.shapes import read_profile
 from iswarm_mj.workflows.tip import design_tip, result_of, summary
@@ -22,13 +27,29 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_rounded_tip_lowers_the_higher_voltage(capfd):
-    assert code_of("tip", "--tip-curvature=30e-6", *ONE_BALL) == 0
-    printed = capfd.readouterr().out
+class Designed(NamedTuple):
+    """What a command printed, and its directory."""
+
+    printed: str
+    out: Path
+
+
+@pytest.fixture(scope="module")
+def rounded(tmp_path_factory):
+    """Return the design of a rounded tip."""
+    out = tmp_path_factory.mktemp("rounded")
+    output = io.StringIO()
+    with redirect_stdout(output):
+        assert code_of("tip", "--tip-curvature=30e-6", "--radius=20e-6", f"--out={out}") == 0
+    return Designed(output.getvalue(), out)
+
+
+def test_a_rounded_tip_lowers_the_higher_voltage(rounded):
+    printed = rounded.printed
     assert "rounded, radius 13 um, height 2.96 um, bulging at the axis with 30 um" in printed
     assert "grasp 32.6 V, release 32.5 V (flat tip 25.0 and 41.9 V)" in printed
 
-    content = result("out")
+    content = result(rounded.out)
     (row,) = content["rows"]
     assert row["grasp_voltage"] == pytest.approx(32.6, abs=0.1)
     assert row["adhesion_radius"] == pytest.approx(12e-6, rel=0.02)
@@ -55,20 +76,17 @@ def test_the_solid_is_closed_and_the_points_are_read_again(here):
         assert again[column] == pytest.approx(first[column], rel=0.02)
 
 
-def test_inspect_repeats_the_summary(capfd):
-    assert code_of("tip", *ONE_BALL) == 0
-    capfd.readouterr()
-    assert code_of("inspect", "out") == 0
+def test_inspect_repeats_the_summary(rounded, capfd):
+    assert code_of("inspect", str(rounded.out)) == 0
     printed = capfd.readouterr().out
-    assert "grasp 25.0 V, release 41.9 V" in printed
-    assert "iswarm tip --config out/result.json repeats it" in printed
-    assert "iswarm tip --profile out/profile.csv" in printed
+    assert "grasp 32.6 V, release 32.5 V" in printed
+    assert f"iswarm tip --config {rounded.out}/result.json repeats it" in printed
+    assert f"iswarm tip --profile {rounded.out}/profile.csv" in printed
 
 
 def test_it_takes_the_table_of_the_bench_in_fit_toml(here):
     (here / "fit.toml").write_text("[grasp]\nelectrical_gap = 3e-7\n[gripper]\ntool_error = 1e-6\n")
-    assert code_of("tip", "--config=fit.toml", *ONE_BALL) == 0
-    assert result("out")["tip"]["electrical_gap"] == 3e-7
+    assert parse(["tip", "--config=fit.toml", *ONE_BALL]).electrical_gap == 3e-7
 
 
 @pytest.mark.slow

@@ -197,6 +197,7 @@ def test_the_energy_of_a_whole_trial_is_accounted_for(contacts):
     assert abs(balance.electrical + balance.mechanical) < 0.01
 
 
+@pytest.mark.slow
 def test_the_energys_error_is_of_the_order_of_the_time_step():
     errors = []
     for timestep in (2e-6, 0.5e-6):

@@ -19,10 +19,19 @@ TIPS = {
 }
 CASES = {"pick": 0.1, "release": 0.25}
 """Gap of each task, in radii of the ball."""
+QUICK = {("rounded", "pick"), ("cone", "release"), ("cup", "pick"), ("ring", "release")}
+"""Tips and tasks that are tested every day."""
 
 
-@pytest.mark.parametrize("task", CASES)
-@pytest.mark.parametrize("name", TIPS)
+def each_task(*names):
+    """Return the parameters of a test: tips with both tasks."""
+    pairs = [(name, task) for name in names for task in CASES]
+    return [
+        pytest.param(*pair, marks=[] if pair in QUICK else [pytest.mark.slow]) for pair in pairs
+    ]
+
+
+@pytest.mark.parametrize(("name", "task"), each_task(*TIPS))
 def test_finite_elements_agree_to_one_percent(name, task):
     gap = CASES[task]
     upwards, n_triangles = finite_elements.force(TIPS[name], BALL, gap, task)
@@ -42,8 +51,7 @@ def test_finite_elements_agree_for_a_flat_tip_at_small_gaps(task):
     assert abs(upwards) == pytest.approx(by_elements, rel=0.01)
 
 
-@pytest.mark.parametrize("task", CASES)
-@pytest.mark.parametrize("name", [*TIPS, "ring"])
+@pytest.mark.parametrize(("name", "task"), each_task(*TIPS, "ring"))
 def test_extrapolated_forces_are_within_five_parts_in_ten_thousand(name, task):
     """Halving the elements once more changes 1 % at most, and the extrapolation 5e-4."""
     tip = TIPS.get(name) or shapes.ring(13e-6, 6e-6, 5e-6, 1e-6)

@@ -43,7 +43,10 @@ CONFIG = SwarmConfig(
     )
 )
 """Configuration of an arena with two boxes of mass 0 and one that robots push."""
-ENGINES = [MujocoSettings(threads=1), PlanarSettings(threads=1)]
+ENGINES = [
+    pytest.param(MujocoSettings(threads=1), marks=pytest.mark.slow),
+    PlanarSettings(threads=1),
+]
 STEP_MM = 2.0
 """Distance by which a gate slides in a step [mm]."""
 YIELD_MM = 0.02

@@ -125,6 +125,7 @@ def of_teams(**teams):
     return replace(PAGE_SCENARIO, strategy=Teams(shares), robots=10)
 
 
+@pytest.mark.slow
 def test_teams_of_python_whose_names_are_presets(assert_copies_repeat):
     changed = replace(PRESETS["type2"], weight_find_dust=0.125)
     session = begun(of_teams(type1=TYPE1, type2=changed), n=2)

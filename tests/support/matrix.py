@@ -105,11 +105,21 @@ def cells_of(*tasks: str) -> list[Any]:
     ]
 
 
+QUICK_ON_MUJOCO = [
+    Cell("own", "mujoco", "square", "run of 3"),
+    Cell("areas", "mujoco", "rectangle", "page"),
+    Cell("boxes", "mujoco", "rectangle", "environment of 3"),
+    Cell("deaths", "mujoco", "rectangle", "run of 3"),
+    Cell("everything", "mujoco", "square", "environment of 3"),
+]
+"""Cells of MuJoCo in C that are tested every day: both arenas, all kinds of modes."""
+
+
 def is_slow(cell: Cell) -> bool:
     """Return whether a cell is left to the slow tests; MJX compiles for long."""
     if cell.engine == "planar":
         return (cell.arena, cell.mode) not in QUICK_MODES[list(TASKS).index(cell.task) % 2]
-    return cell.engine == "mjx"
+    return cell not in QUICK_ON_MUJOCO
 
 
 class Story(NamedTuple):
