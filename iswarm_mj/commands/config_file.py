@@ -17,6 +17,7 @@ from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, names, switch
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.config.setting_names import CONFIG_NAMES, Parts, canonical_name
 from iswarm_mj.engines.registry import IDENTITY
+from iswarm_mj.gripper.tips.table import check_unchanged
 from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.files import by_flags, read_json, read_toml
 
@@ -230,6 +231,7 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
 
     values = {name: part("settings").get(key) for key, name in _FLAG_OF_SETTING.items()}
     values |= by_flags(part("config"))
+    _check_tip(part("gripper_tip"), values.get("gripper.tip"), given_flags)
     for name in IDENTITY:
         values[name if name == "engine" else f"engine.{name}"] = content.get(name)
     values["robot"] = part("robot").get("file")
@@ -240,6 +242,18 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
         if part(kind) and not is_replaced:
             values |= _values_of_plugin(path, kind, part(kind), given_flags)
     return {name: value for name, value in values.items() if value is not None}
+
+
+def _check_tip(recorded: Mapping[str, Any], path: Any, given_flags: Collection[str]) -> None:
+    """Check that the file of a tip has the table of a recorded run, if that had one.
+
+    Args:
+        recorded: what the run has recorded of its table; empty without one.
+        path: file of the table.
+        given_flags: names of the flags among the arguments, which may name another tip.
+    """
+    if recorded and "gripper.tip" not in given_flags:
+        check_unchanged(str(path), str(recorded.get("sha256")))
 
 
 def _values_of_plugin(

@@ -9,6 +9,7 @@ Lengths in rd are in robot diameters, the unit of the paper (`utils.units.ROBOT_
 """
 
 import math
+import os
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
@@ -166,6 +167,12 @@ class StaticGripper:
 
     release_gap: Annotated[float, Within(1e-6, 2e-5, "m")] = 5e-6
     """Gap between ball and floor at release (section 3.2.3) [m]."""
+    tip: str | None = None
+    """Table of the forces of another tip than the paper's, the tip.json of `iswarm tip --table`; see
+    docs/design-a-tip.md."""
+    cut_delay: Annotated[float, Within(0, 1e-3, "s"), _NEEDS_TRIALS] = 0.0
+    """Delay from the moment at which a released ball has left the tool until its voltage is cut, in
+    trials [s]: a ball that has not landed by then may return to a hollow tip."""
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
     """Reach of the tool from its rest position, in two degrees of freedom [m]."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
@@ -187,6 +194,14 @@ class StaticGripper:
 
     def __post_init__(self):
         validate(self, "gripper")
+        if self.tip is not None:
+            is_name = (
+                isinstance(self.tip, str | os.PathLike)
+                and str(self.tip)
+                and "\0" not in str(self.tip)
+            )
+            check("gripper.tip", self.tip, "the name of a file", bool(is_name))
+            object.__setattr__(self, "tip", os.path.abspath(self.tip))
 
 
 @dataclass(frozen=True)
@@ -217,6 +232,9 @@ class StaticConfig:
     gripper: StaticGripper
     strategy: StaticStrategy
     energy: EnergyConfig
+    tip_changed: int = 0
+    """Time of the last change of the file `gripper.tip` [ns], so that programs for an earlier table
+    are not used for a new one."""
 
     @property
     def step_length(self) -> float:

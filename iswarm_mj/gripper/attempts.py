@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, is_grasped, is_released
+from iswarm_mj.gripper.tips.table import TipTable, read_table
 from iswarm_mj.utils.arrays import Array
 
 
@@ -53,26 +54,34 @@ def by_balance(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     """Return the outcomes by the force balance, the quasi-static surrogate of trials.
 
     A tool whose axis misses the ball by more than the tool's radius lifts nothing. See
-    `laws.detachment.is_grasped` and `is_released`.
+    `laws.detachment.is_grasped` and `is_released`, and `TipTable` for tips of a table.
     """
-    reaches = attempts.misalignment < PROBE_RADIUS
-    can_lift = is_grasped(
-        attempts.voltage,
-        attempts.radius,
-        attempts.work_tool_object,
-        attempts.work_object_substrate,
-    )
-    can_release = is_released(
-        attempts.voltage,
-        attempts.radius,
-        attempts.work_tool_object,
-        gripper.release_gap,
-    )
+    tip = tip_of(gripper)
+    works = attempts.work_tool_object, attempts.work_object_substrate
+    if tip is None:
+        tool_radius = PROBE_RADIUS
+        grasped = is_grasped(attempts.voltage, attempts.radius, *works)
+        released = is_released(attempts.voltage, attempts.radius, works[0], gripper.release_gap)
+    else:
+        tool_radius = tip.profile.radius
+        grasped = tip.is_grasped(attempts.voltage, attempts.radius, *works)
+        released = tip.is_released(attempts.voltage, attempts.radius, works[0], gripper.release_gap)
+
+    reaches = attempts.misalignment < tool_radius
     zeros = jnp.zeros_like(attempts.radius)
     return Outcomes(
-        lifted=attempts.lifts & reaches & can_lift,
-        released=attempts.releases & can_release,
+        lifted=attempts.lifts & reaches & grasped,
+        released=attempts.releases & released,
         postponed=jnp.zeros_like(attempts.lifts),
         duration=zeros,
         impact=zeros,
     )
+
+
+def tip_of(gripper: StaticGripper) -> TipTable | None:
+    """Return the table of the gripper's tip; None for the flat one.
+
+    Raises:
+        UserError: the file is no table of a tip.
+    """
+    return None if gripper.tip is None else read_table(gripper.tip)

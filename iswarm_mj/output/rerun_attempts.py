@@ -13,6 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.gripper.bench.tracing import Trace, thinned, trace_attempt
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output import rerun_trial
@@ -46,18 +47,24 @@ _MARK_HEIGHT = 2.0
 class AttemptView:
     """Writes the trials of the first attempts of a run into a recording."""
 
-    def __init__(self, stream: rr.RecordingStream, scene: Scene, gap: float, limit: int):
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        scene: Scene,
+        gripper: StaticGripper,
+        limit: int,
+    ):
         """Write the layout.
 
         Args:
             stream: stream of the arena's recording, at its start.
             scene: constants of the world.
-            gap: gap of releases [m].
+            gripper: gap, tip and protocol of the attempts.
             limit: maximum number of attempts that are written.
         """
         self._stream = stream
         self._period = scene.control_period
-        self._gap = gap
+        self._gripper = gripper
         self._n_left = limit
         self._n_written = 0
         stream.send_blueprint(layout(scene), make_active=True, make_default=True)
@@ -78,7 +85,7 @@ class AttemptView:
         start = (step - 1) * self._period
         for tried in chosen:
             self._n_written += 1
-            trace, _ = trace_attempt(tried, self._gap)
+            trace, _ = trace_attempt(tried, self._gripper)
             self._write(trace, tried, step, start)
             start += float(trace.time[-1] - trace.time[0])
 

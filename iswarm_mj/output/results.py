@@ -58,6 +58,8 @@ def about(run: Run) -> dict[str, Any]:
         "config": asdict(run.config),
         "robot": {"file": run.robot_file, **asdict(cast(Any, run.robot))},
     }
+    if run.tip is not None:
+        values["gripper_tip"] = {"sha256": run.tip.digest}
     return json.loads(json.dumps(values, default=str))
 
 

@@ -21,6 +21,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import OF_MACHINE
+from iswarm_mj.gripper.tips.table import check_unchanged
 from iswarm_mj.simulation.scenario_flags import default_of
 from iswarm_mj.simulation.stacking import plain, to_json
 from iswarm_mj.simulation.worlds import World
@@ -263,8 +264,11 @@ def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any
     else:
         strategy = _stated(STRATEGIES, content["strategy"], strategy)
     settings = content["settings"]
+    config = restored(SwarmConfig, content["config"])
+    if "gripper_tip" in content:
+        check_unchanged(config.gripper.tip, content["gripper_tip"]["sha256"])
     return {
-        "config": restored(SwarmConfig, content["config"]),
+        "config": config,
         "strategy": strategy,
         "task": _stated(TASKS, content["task"], task),
         "robots": settings["n_robots"],

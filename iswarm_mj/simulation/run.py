@@ -63,6 +63,7 @@ class Run:
         robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path, or several; None for
             `models/robot.xml`.
+        tip: table of the grippers' tips; None for flat ones.
         watch: times of the stages.
         first_call_s: duration of the first call of `advance`, which compiles [s].
     """
@@ -98,6 +99,7 @@ class Run:
         self.worlds = list(setup.worlds)
         self.starts = setup.starts
         self.robot = setup.robot
+        self.tip = setup.tip
         self.robot_file = scenario.robot_file
         self._task_of_worlds = setup.tasks
         self._capacity = setup.capacity

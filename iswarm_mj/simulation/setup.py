@@ -15,6 +15,8 @@ from iswarm_mj.engines.robot_file import check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.engines.validation import make_compiled_engine, make_host_engine
 from iswarm_mj.geometry.robot import RobotFile, Robots
+from iswarm_mj.gripper.attempts import tip_of
+from iswarm_mj.gripper.tips.table import TipTable, check_balls
 from iswarm_mj.simulation.layouts import Start, check_boxes, with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory, devices_of
 from iswarm_mj.simulation.scenario import Scenario
@@ -46,6 +48,8 @@ class Setup(NamedTuple):
     """The task, with a first axis of B worlds."""
     sensed: dict[str, Any]
     """Shapes and types of the quantities of the task that robots sense besides balls and dump."""
+    tip: TipTable | None
+    """Table of the grippers' tips; None for flat ones."""
     goal: int | None
     """Progress of the task that finishes a world; None if nothing does."""
     worlds: Sequence[World]
@@ -140,6 +144,8 @@ def set_up(
     worlds = scenario.list_worlds() if layouts is None else layouts
     _check_largest_world(settings, worlds)
 
+    tip = _tip_of(config, worlds)
+
     # The task in the arena, and what its robots send.
     usable_task(task)
     goal = goal_of(task, config, settings)
@@ -169,10 +175,26 @@ def set_up(
         robot=robot,
         tasks=of_worlds(arrays, len(starts)),
         sensed=sensed,
+        tip=tip,
         goal=goal,
         worlds=worlds,
         starts=starts,
     )
+
+
+def _tip_of(config: SwarmConfig, worlds: Sequence[World]) -> TipTable | None:
+    """Return the table of the grippers' tips; None for flat ones.
+
+    Raises:
+        UserError: the file is no table, or a world has balls that are not in it.
+    """
+    tip = tip_of(config.gripper)
+    if tip is not None:
+        for world in worlds:
+            arena = (world.config or config).arena
+            check_balls("arena.ball_radius_min", arena.ball_radius_min)
+            check_balls("arena.ball_radius_max", arena.ball_radius_max)
+    return tip
 
 
 def _check_largest_world(settings: RunSettings, worlds: Sequence[World]) -> None:

@@ -5,6 +5,7 @@ from typing import Any
 
 from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.gripper.tips.table import time_of_change
 from iswarm_mj.utils.errors import UserError
 
 _CONFIG_PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
@@ -64,6 +65,9 @@ def static_config(config: SwarmConfig, *, on_host: bool) -> StaticConfig:
             is chosen.
     """
     static = config.static
+    tip = static.gripper.tip
+    if tip is not None:
+        static = replace(static, tip_changed=time_of_change(tip))
     if static.gripper.bench != "auto":
         return static
     bench = "c" if on_host else "mjx"

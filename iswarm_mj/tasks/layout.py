@@ -11,6 +11,7 @@ from iswarm_mj.config.swarm import ArenaConfig, GripperConfig
 from iswarm_mj.geometry.obstacles import distances, numbers
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.geometry.walls import beyond, in_mm
+from iswarm_mj.gripper.attempts import tip_of
 from iswarm_mj.gripper.handling import AttemptStatistics, Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.utils.declared_shapes import zeros_of
@@ -193,8 +194,9 @@ def balls_on_floor(
     """Return balls that lie on the floor and all stick alike.
 
     Args:
-        gripper: median works of adhesion at 10 % relative humidity, and the humidity. How strongly
-            a ball sticks in an attempt is drawn around them.
+        gripper: median works of adhesion at 10 % relative humidity, the humidity, and the tip, whose
+            shape changes how strongly balls stick to it. How strongly a ball sticks in an attempt
+            is drawn around them.
         position: positions of the balls [mm].
         radius: radii of the balls [m].
     """
@@ -202,13 +204,18 @@ def balls_on_floor(
     factor = float(
         humidity_factor(gripper.relative_humidity, gripper.humidity_doubling, gripper.humidity_fall)
     )
+    tip = tip_of(gripper)
+    share_of_tip = np.ones(n_balls) if tip is None else tip.adhesion_shares(np.asarray(radius))
+    work_tool_object = factor * gripper.work_tool_object * share_of_tip
+    work_object_substrate = factor * gripper.work_object_substrate
+
     statistics = AttemptStatistics(**zeros_of(AttemptStatistics, K=n_balls))
     balls = Balls(**zeros_of(Balls, K=n_balls), statistics=statistics)
     return balls._replace(
         position=np.asarray(position, np.float32),
         radius=np.asarray(radius, np.float32),
-        work_tool_object=np.full(n_balls, factor * gripper.work_tool_object, np.float32),
-        work_object_substrate=np.full(n_balls, factor * gripper.work_object_substrate, np.float32),
+        work_tool_object=work_tool_object.astype(np.float32),
+        work_object_substrate=np.full(n_balls, work_object_substrate, np.float32),
     )
 
 

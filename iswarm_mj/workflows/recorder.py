@@ -122,8 +122,7 @@ class AttemptLog:
         """
         from iswarm_mj.output.rerun_attempts import AttemptView
 
-        gap = world.config.gripper.release_gap
-        self._view = AttemptView(stream, world.scene, gap, max_attempts)
+        self._view = AttemptView(stream, world.scene, world.config.gripper, max_attempts)
         self._task = run.task
         self._index = index
         self._balls = self._balls_after(run.start, 0)

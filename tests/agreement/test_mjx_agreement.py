@@ -21,6 +21,7 @@ from iswarm_mj.gripper.contact import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, step
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.workflows.grasp import quasi_static_grasp, quasi_static_release
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
@@ -114,7 +115,7 @@ def specification(table):
     """Return the bench with a tip."""
     spec = mujoco.MjSpec.from_file(str(BENCH))
     if table is not None:
-        put_tip(spec, table)
+        put_tip(spec, read_table(table))
     return spec
 
 

@@ -68,7 +68,7 @@ def test_an_attempt_that_is_broken_off_is_none():
 def test_a_trace_shows_what_was_decided(balls_of_a_step):
     before, after = balls_of_a_step
     for attempt in attempts_between(before, after):
-        trace, succeeded = trace_attempt(attempt, GRIPPER.release_gap)
+        trace, succeeded = trace_attempt(attempt, GRIPPER)
 
         assert succeeded == attempt.succeeded
         assert trace.phases == PHASES
@@ -93,6 +93,6 @@ def test_a_trace_shows_what_was_decided(balls_of_a_step):
 def test_a_lifted_ball_hangs_at_the_tool(balls_of_a_step):
     before, after = balls_of_a_step
     lift = attempts_between(before, after)[0]
-    trace, _ = trace_attempt(lift, GRIPPER.release_gap)
+    trace, _ = trace_attempt(lift, GRIPPER)
     assert trace.gap_tool[-1] < TOUCH
     assert trace.gap_plate[-1] > LIFTED_HEIGHT

@@ -229,9 +229,9 @@ def test_a_step_without_attempts_asks_nobody(monkeypatch):
     numbers_of_lifts = []
     outcomes = swarm_trials.outcomes
 
-    def noted_outcomes(gap, attempts):
+    def noted_outcomes(gap, attempts, *further):
         numbers_of_lifts.append(attempts.lifts.sum())
-        return outcomes(gap, attempts)
+        return outcomes(gap, attempts, *further)
 
     monkeypatch.setattr(swarm_trials, "outcomes", noted_outcomes)
     decide = jax.jit(jax.vmap(lambda *arrays: by_host(GRIPPER, Attempts(*arrays))))

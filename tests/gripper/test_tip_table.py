@@ -61,7 +61,7 @@ def test_capacitances_are_those_whose_slopes_are_the_forces():
     """F = -V^2 / 2 dC / dD, by differences between gaps."""
     tip = table.read_table(TIP)
     spec = bench_spec()
-    put_tip(spec, str(TIP))
+    put_tip(spec, table.read_table(TIP))
     model = spec.compile()
     data = mujoco.MjData(model)
     for task, field in (("pick", "to_probe"), ("release", "to_plate")):
@@ -95,7 +95,7 @@ def number(model, data, field):
 )
 def test_both_engines_agree_with_boundary_elements(task, gap):
     spec = bench_spec()
-    put_tip(spec, str(TIP))
+    put_tip(spec, table.read_table(TIP))
     model = spec.compile()
     data = mujoco.MjData(model)
     gaps = (gap, 0.5) if task == "pick" else (0.5, gap)
@@ -214,7 +214,7 @@ def test_voltages_of_a_table_follow_the_density():
 def test_a_numeric_field_that_is_no_table_is_refused():
     for numbers in ([1.0, 2.0], [36.0, 11.0, *[1.0] * 50]):
         spec = bench_spec()
-        put_tip(spec, str(TIP))
+        put_tip(spec, table.read_table(TIP))
         spec.numerics[0].data = numbers
         spec.numerics[0].size = len(numbers)
         with pytest.raises((ValueError, mujoco.FatalError), match="tip is"):

@@ -7,13 +7,13 @@ import pytest
 from rerun.chunk import RrdReader
 from support.swarm_recording import PERIOD, make_scene
 
+from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.gripper.bench.tracing import trace_attempt
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output.rerun_attempts import AttemptView
 from iswarm_mj.output.rerun_swarm import Recording
 
-GAP = 5e-6
-"""Gap of releases [m]."""
+GRIPPER = GripperConfig()
 STEP = 4
 LIFT = Tried(2, True, True, 20e-6, 40.0, 1.41e-3, 14.7e-3, 4e-6)
 FAILED_LIFT = LIFT._replace(ball=0, voltage=10.0, radius=17e-6, succeeded=False)
@@ -27,7 +27,7 @@ def rows(tmp_path_factory):
     path = tmp_path_factory.mktemp("record") / "run.rrd"
     scene = make_scene()
     with closing(Recording(path, scene, {}, {})) as recording:
-        view = AttemptView(recording.stream, scene, GAP, limit=2)
+        view = AttemptView(recording.stream, scene, GRIPPER, limit=2)
         view.append(STEP, [LIFT, FAILED_LIFT, LIFT], BALLS)
         view.append(STEP + 1, [LIFT], BALLS)
 
@@ -53,7 +53,7 @@ def values(rows, component):
 def test_attempts_play_one_after_the_other_before_their_step_ends(rows):
     log = rows["/grasp/log"]
     voltage = rows["/grasp/series/voltage/voltage"]
-    first, _ = trace_attempt(LIFT, GAP)
+    first, _ = trace_attempt(LIFT, GRIPPER)
     begin = (STEP - 1) * PERIOD
     second = begin + first.time[-1] - first.time[0]
 

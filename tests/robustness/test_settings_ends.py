@@ -7,6 +7,7 @@ use.
 import warnings
 from contextlib import suppress
 from dataclasses import fields, replace
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -28,9 +29,12 @@ from iswarm_mj.utils.units import RD
 
 PARTS = ("gripper", "strategy", "energy", "drive", "optics")
 """Parts of the configuration whose settings are moved."""
+TIP = str(Path(__file__).parents[2] / "examples/best-tip/tip.json")
+"""Table of another tip."""
 QUICK_WORDS = {
     "bench": ["auto", "c"],
     "resolution": ["quasi-static", "quasi-static", "dynamic"],
+    "tip": [None, TIP],
 }
 """Words for settings of which others take long: a batch of trials in MJX is compiled for each."""
 SMALLEST = 1e-38

@@ -191,6 +191,8 @@ def allowed(cls: type, name: str) -> str:
     limits = constraint_of(cls, name)
     if limits:
         return str(limits)
+    if annotation == str | None:
+        return "the name of a file"
     return " or ".join(map(str, choices(cls, name))) or "true or false"
 
 

@@ -15,10 +15,11 @@ from jaxtyping import Int
 from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
-from iswarm_mj.gripper.attempts import Attempts, Outcomes
+from iswarm_mj.gripper.attempts import Attempts, Outcomes, tip_of
 from iswarm_mj.gripper.bench import leap_laws, script
 from iswarm_mj.gripper.bench.leap_laws import Hanging
-from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers
+from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers, put_tip
+from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Progress, Ramp, Watch
 from iswarm_mj.gripper.bench.swarm_trials import (
     LIFT,
@@ -28,10 +29,12 @@ from iswarm_mj.gripper.bench.swarm_trials import (
     PROTOCOL,
     RELEASE_LIMIT,
     TIMESTEP,
+    protocol_of,
+    radius_of,
     ramp_to,
 )
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.mjx_forces import (
     Force,
     GripperForces,
@@ -41,6 +44,7 @@ from iswarm_mj.gripper.mjx_forces import (
     gripper_forces,
 )
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
+from iswarm_mj.gripper.tips.table import TipTable
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.scalar_backends import in_arrays
@@ -69,6 +73,10 @@ class MjxBench(NamedTuple):
 
     where: Layout
     """Addresses of the bench's numbers."""
+    probe_radius: float
+    """Radius of the tool [m]."""
+    protocol: Protocol
+    """Protocol of the trials."""
     forces: GripperForces
     """Forces of the plugins."""
     model: mjx.Model
@@ -77,10 +85,20 @@ class MjxBench(NamedTuple):
     """Data at rest, without a voltage."""
 
 
-def mjx_bench(timestep: float) -> MjxBench:
-    """Return the bench with this time step [s]; numbers are single precision."""
+def mjx_bench(
+    timestep: float, tip: TipTable | None = None, protocol: Protocol = PROTOCOL
+) -> MjxBench:
+    """Return a bench; numbers are single precision.
+
+    Args:
+        timestep: time step [s].
+        tip: table of the tool's tip; None for a flat one.
+        protocol: of the trials, see `protocol_of`.
+    """
     trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
     spec = bench_spec()
+    if tip is not None:
+        put_tip(spec, tip)
     spec.option.iterations = ITERATIONS
     spec.option.ls_iterations = LINE_SEARCH
     spec.option.disableflags |= int(_DISABLED)
@@ -92,6 +110,8 @@ def mjx_bench(timestep: float) -> MjxBench:
     portable = mjx_compatible(spec)
     return MjxBench(
         where=layout(model),
+        probe_radius=radius_of(tip),
+        protocol=protocol,
         forces=gripper_forces(model).having(single(plugin_numbers(trial))),
         model=put_model(portable, "jax"),
         data=mjx.make_data(portable, impl="jax"),
@@ -198,7 +218,7 @@ def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     some_ball = jnp.minimum(ball, n_balls - 1)
     attempts_of_slots = jax.tree.map(lambda a: a[some_ball], attempts)
     with jax.default_matmul_precision("highest"):
-        slots = _run(gripper.release_gap, attempts_of_slots, is_real)
+        slots = _run(gripper, attempts_of_slots, is_real)
     succeeded = slots.progress.succeeds & ~slots.progress.is_faulty & is_real
 
     def of_balls(values: Array, kind: Any) -> Array:
@@ -214,10 +234,11 @@ def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     )
 
 
-def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
+def _run(gripper: StaticGripper, attempts: Attempts, is_real: Array) -> Slot:
     """Carry M trials to their ends; those that are not real are over at once."""
+    gap = gripper.release_gap
     with jax.ensure_compile_time_eval():
-        bench = mjx_bench(TIMESTEP)
+        bench = mjx_bench(TIMESTEP, tip_of(gripper), protocol_of(gripper))
     n_looks = round(_LIMIT / PROTOCOL.watch_time)
     begin = jax.vmap(partial(_begin, bench, gap))
     advance = jax.vmap(partial(_advance, bench, gap))
@@ -242,7 +263,7 @@ def _begin(bench: MjxBench, gap: float, attempt: Attempts) -> Slot:
     radius = attempt.radius / UM
 
     # A tool above the ball has pressed it on the plate; a ball to be released hangs at the tool.
-    is_pressed = attempt.lifts & (attempt.misalignment < PROBE_RADIUS)
+    is_pressed = attempt.lifts & (attempt.misalignment < bench.probe_radius)
     apart = jnp.array(script.first_gaps(PROTOCOL.start_gap))
     hanging = jnp.array(script.first_gaps(PROTOCOL.start_gap, gap))
     lying = jnp.where(is_pressed, PRESSED_GAP, apart)
@@ -267,17 +288,17 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
     """Carry a trial to the next look; a trial that is over keeps its outcome."""
     ready = _ready(bench, attempt)
     ramp = ramp_to(attempt.voltage)
-    control = partial(_control, bench.where, gap, attempt, ramp, slot)
+    control = partial(_control, bench, gap, attempt, ramp, slot)
     data, force, watch = watched(bench.where, ready, slot.data, slot.ball, control, _STEPS)
     time = slot.time + _STEPS * TIMESTEP
 
     # A lift ends after its moves, a release when the ball has come to rest.
     lift = slot.progress._replace(
-        succeeds=script.hangs(watch.gap_tool, watch.gap_plate, PROTOCOL),
+        succeeds=script.hangs(watch.gap_tool, watch.gap_plate, bench.protocol),
         is_over=time >= LIFT_TIME - TIMESTEP / 2,
     )
     release = _script.released(
-        PROTOCOL,
+        bench.protocol,
         ramp,
         low=gap / 2,
         was=slot.progress,
@@ -287,7 +308,7 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
     )
     progress = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
 
-    hanging, flying = _script.leap_limits(PROTOCOL, ramp, progress, time)
+    hanging, flying = _script.leap_limits(bench.protocol, ramp, progress, time)
     limits = (
         jnp.where(attempt.releases, hanging / MS, 0.0),
         jnp.where(attempt.releases, flying / MS, 0.0),
@@ -304,22 +325,23 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
 
 
 def _control(
-    where: Layout, gap: float, attempt: Attempts, ramp: Ramp, slot: Slot, k: Array
+    bench: MjxBench, gap: float, attempt: Attempts, ramp: Ramp, slot: Slot, k: Array
 ) -> Array:
     """Return the controls of a trial's bench in a physics step.
 
     Args:
-        where: addresses of the bench's numbers.
+        bench: of the trial.
         gap: between ball and plate in releases [m].
         attempt: the attempt.
         ramp: ramp of the voltage in releases.
         slot: trial at the last look.
         k: number of the step since then, from 0.
     """
+    where = bench.where
     time = slot.time + (k + 1) * TIMESTEP
     height, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
     tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
-    ramp_voltage = _script.ramp_voltage(PROTOCOL, ramp, slot.progress.freed, time)
+    ramp_voltage = _script.ramp_voltage(bench.protocol, ramp, slot.progress.freed, time)
     voltage = jnp.where(attempt.releases, ramp_voltage, attempt.voltage * share)
     ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
     return ctrl.at[where.voltage].set(voltage)

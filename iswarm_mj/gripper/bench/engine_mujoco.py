@@ -25,6 +25,7 @@ from iswarm_mj.gripper.bench.model import (
 )
 from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.tips.table import TipTable, read_table
 from iswarm_mj.gripper.units import MS, UM
 
 TOOL, PLATE = "adhesion_probe", "adhesion_plate"
@@ -230,8 +231,14 @@ class MujocoBench:
 
 def _model_of(trial: Trial, timestep: float | None) -> mujoco.MjModel:
     """Return the model of a trial's bench; None: with its own time step [s]."""
-    rolling = trial.contacts.rolling
-    return _model(timestep, trial.radius, trial.probe_radius, trial.density, rolling, tip=trial.tip)
+    return _model(
+        timestep,
+        trial.radius,
+        trial.probe_radius,
+        trial.density,
+        rolling=trial.contacts.rolling,
+        tip=None if trial.tip is None else read_table(trial.tip),
+    )
 
 
 @lru_cache(maxsize=4096)
@@ -240,9 +247,9 @@ def _model(
     radius: float,
     probe_radius: float,
     density: float,
-    rolling: float,
     *,
-    tip: str | None,
+    rolling: float,
+    tip: TipTable | None,
 ) -> mujoco.MjModel:
     """Return the bench with these sizes, density, rolling friction and tip. SI units."""
     return resized(usual_model(timestep, probe_radius, density, rolling, tip), radius)

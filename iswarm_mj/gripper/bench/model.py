@@ -16,7 +16,7 @@ from iswarm_mj.gripper.bench.trial import Contacts, Trial
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
 from iswarm_mj.gripper.native.abi import numeric_of_tip
 from iswarm_mj.gripper.native.attributes import ELECTROSTATIC
-from iswarm_mj.gripper.tips.table import read_table
+from iswarm_mj.gripper.tips.table import TipTable
 from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 
 
@@ -105,7 +105,7 @@ def usual_model(
     probe_radius: float = PROBE_RADIUS,
     density: float = BALL_DENSITY,
     rolling: float = Contacts().rolling,
-    tip: str | None = None,
+    tip: TipTable | None = None,
 ) -> mujoco.MjModel:
     """Return the bench with a ball of 20 um.
 
@@ -114,7 +114,7 @@ def usual_model(
         probe_radius: radius of the tool [m].
         density: of the ball [kg/m^3].
         rolling: see `Contacts.rolling` [m].
-        tip: see `Trial.tip`.
+        tip: table of another tip than the flat one.
     """
     spec = bench_spec()
     spec.memory = MEMORY
@@ -133,17 +133,11 @@ def usual_model(
     return sized(spec, trial)
 
 
-def put_tip(spec: mujoco.MjSpec, tip: str) -> None:
-    """Put the table of a tip into the specification of a bench, and its radius.
-
-    Args:
-        spec: of the bench.
-        tip: file of the table.
-    """
-    table = read_table(tip)
-    numbers = numeric_of_tip(*table.tables)
+def put_tip(spec: mujoco.MjSpec, tip: TipTable) -> None:
+    """Put the table of a tip into the specification of a bench, and its radius."""
+    numbers = numeric_of_tip(*tip.tables)
     spec.add_numeric(name=_TIP, data=numbers, size=len(numbers))
-    spec.geom("probe").size[0] = table.profile.radius / UM
+    spec.geom("probe").size[0] = tip.profile.radius / UM
     for instance in spec.plugins:
         if instance.plugin_name == ELECTROSTATIC:
             instance.config = {**instance.config, "tip": _TIP}

@@ -7,7 +7,8 @@ at rest while charge flows; an uncharged ball flies. Physics makes and ends all 
 
 import copy
 import math
-from functools import cache
+from dataclasses import replace
+from functools import lru_cache
 from threading import Lock
 from typing import NamedTuple
 
@@ -20,13 +21,15 @@ from jax.custom_batching import custom_vmap
 from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.engines.mujoco_library import keep_no_log, without_timers
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.attempts import Attempts, Outcomes
+from iswarm_mj.gripper.attempts import Attempts, Outcomes, tip_of
 from iswarm_mj.gripper.bench import script
 from iswarm_mj.gripper.bench.leap_laws import Hanging, leap
 from iswarm_mj.gripper.bench.model import layout, plugin_numbers, resized, start, usual_model
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Each, Ramp, Watch, hangs
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS
+from iswarm_mj.gripper.tips.table import TipTable
 from iswarm_mj.gripper.units import MS, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.scalar_backends import in_arrays
@@ -57,6 +60,11 @@ PRESSED_GAP = script.setpoint(LIFT, PROTOCOL.start_gap, PRESSED)[0] / 2
 """Gap of the ball to the tool, and to the plate, after this time [m]."""
 
 
+def protocol_of(gripper: StaticGripper) -> Protocol:
+    """Return the protocol of attempts of a gripper, which has a delay of the cut of its own."""
+    return replace(PROTOCOL, cut_delay=gripper.cut_delay)
+
+
 def ramp_to(voltage: Each) -> Ramp:
     """Return the ramp of a release, which rises to a voltage [V] and stays there."""
     return Ramp(rate=voltage / PROTOCOL.rise_time, limit=voltage, patience=RELEASE_LIMIT)
@@ -79,10 +87,15 @@ class SingleBench:
         timestep: time step [s].
     """
 
-    def __init__(self, timestep: float):
-        """Prepare a bench on which `place` begins a trial."""
+    def __init__(self, timestep: float, tip: TipTable | None = None):
+        """Prepare a bench on which `place` begins a trial.
+
+        Args:
+            timestep: time step [s].
+            tip: table of the tool's tip; None for a flat one.
+        """
         keep_no_log()
-        self._usual = usual_model(timestep)
+        self._usual = usual_model(timestep, probe_radius=radius_of(tip), tip=tip)
         self.model = copy.copy(self._usual)
         self.data = mujoco.MjData(self._usual)
         self.timestep = timestep
@@ -236,10 +249,15 @@ _IN_USE = Lock()
 """Held during a trial, since trials are made one after the other on one bench."""
 
 
-@cache
-def _bench() -> SingleBench:
-    """Return the bench of all attempts, since making one takes as long as 300 steps."""
-    return SingleBench(TIMESTEP)
+@lru_cache(maxsize=8)
+def _bench(tip: TipTable | None = None) -> SingleBench:
+    """Return the bench of all attempts with a tip, since making one takes as long as 300 steps."""
+    return SingleBench(TIMESTEP, tip)
+
+
+def radius_of(tip: TipTable | None) -> float:
+    """Return the radius of a tool with a tip [m]; None for a flat one."""
+    return PROBE_RADIUS if tip is None else tip.profile.radius
 
 
 class TrialOutcome(NamedTuple):
@@ -258,6 +276,8 @@ def attempt(
     voltage: float,
     gap: float | None,
     bench: SingleBench | None = None,
+    tip: TipTable | None = None,
+    protocol: Protocol = PROTOCOL,
 ) -> TrialOutcome:
     """Try to lift a ball, or to release one.
 
@@ -265,13 +285,15 @@ def attempt(
         trial: the ball.
         voltage: of the tool [V].
         gap: between plate and ball at the release [m]; None for a lift.
-        bench: on which the trial is placed, instead of that of all attempts.
+        bench: on which the trial is placed, instead of that of all attempts with the tip.
+        tip: table of the tool's tip; None for a flat one.
+        protocol: of the release, see `protocol_of`.
     """
     with _IN_USE, without_timers():
-        bench = bench or _bench()
+        bench = bench or _bench(tip)
         if gap is None:
             return _lift(bench, trial, voltage)
-        return _release(bench, trial, voltage, gap)
+        return _release(bench, trial, voltage, gap, protocol)
 
 
 def _lift(bench: SingleBench, trial: Trial, voltage: float) -> TrialOutcome:
@@ -295,11 +317,13 @@ def _lift(bench: SingleBench, trial: Trial, voltage: float) -> TrialOutcome:
     return TrialOutcome(succeeded, duration=n_steps * bench.timestep, impact=0.0)
 
 
-def _release(bench: SingleBench, trial: Trial, voltage: float, gap: float) -> TrialOutcome:
+def _release(
+    bench: SingleBench, trial: Trial, voltage: float, gap: float, protocol: Protocol
+) -> TrialOutcome:
     """Raise the voltage on a hanging, uncharged ball, and cut it when the ball has left."""
-    bench.place(trial, script.first_gaps(PROTOCOL.start_gap, gap))
+    bench.place(trial, script.first_gaps(protocol.start_gap, gap))
     ramp = ramp_to(voltage)
-    n_steps = round(PROTOCOL.watch_time / bench.timestep)
+    n_steps = round(protocol.watch_time / bench.timestep)
 
     progress = START
     time = 0.0
@@ -307,10 +331,10 @@ def _release(bench: SingleBench, trial: Trial, voltage: float, gap: float) -> Tr
         last_look = time
         for _ in range(n_steps):
             time += bench.timestep
-            volts = script.ramp_voltage(PROTOCOL, ramp, progress.freed, time)
+            volts = script.ramp_voltage(protocol, ramp, progress.freed, time)
             bench.step(gap, volts)
         progress = script.released(
-            protocol=PROTOCOL,
+            protocol=protocol,
             ramp=ramp,
             low=gap / 2,
             was=progress,
@@ -318,20 +342,27 @@ def _release(bench: SingleBench, trial: Trial, voltage: float, gap: float) -> Tr
             last_look=last_look,
             time=time,
         )
-        limits = script.leap_limits(PROTOCOL, ramp, progress, time)
+        limits = script.leap_limits(protocol, ramp, progress, time)
         if max(limits) > 0:
-            time += bench.leap(limits, PROTOCOL.watch_time)
+            time += bench.leap(limits, protocol.watch_time)
 
     succeeded = bool(progress.succeeds) and bench.is_finite
     return TrialOutcome(succeeded, duration=time, impact=float(progress.speed))
 
 
-def outcomes(gap: float, attempts: Attempts) -> Outcomes:
+def outcomes(
+    gap: float,
+    attempts: Attempts,
+    tip: TipTable | None = None,
+    protocol: Protocol = PROTOCOL,
+) -> Outcomes:
     """Return the outcomes of attempts (..., K), as NumPy arrays.
 
     Args:
         gap: of releases [m].
         attempts: with the works of adhesion at the air's humidity.
+        tip: table of the tools' tips; None for flat ones.
+        protocol: of the releases, see `protocol_of`.
     """
     shape = attempts.lifts.shape
     result = Outcomes(
@@ -353,11 +384,13 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
             work_tool_object=float(attempts.work_tool_object[place]),
             work_object_substrate=float(attempts.work_object_substrate[place]),
             relative_humidity=10.0,  # at which the works are, since its factor is 1
+            probe_radius=radius_of(tip),
             misalignment=float(attempts.misalignment[place]),
         )
         key = is_lift, voltage, trial
         if key not in known:
-            known[key] = attempt(trial, voltage, None if is_lift else gap)
+            gap_of_trial = None if is_lift else gap
+            known[key] = attempt(trial, voltage, gap_of_trial, tip=tip, protocol=protocol)
         outcome = known[key]
         succeeded = result.lifted if is_lift else result.released
         succeeded[place] = outcome.succeeded
@@ -374,9 +407,13 @@ def by_host(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     `Outcomes`, in their order.
     """
 
+    tip = tip_of(gripper)
+    protocol = protocol_of(gripper)
+
     def call(numbers: jax.Array) -> np.ndarray:
         lifts, releases, *conditions = np.asarray(numbers)
-        decided = outcomes(gripper.release_gap, Attempts(lifts > 0, releases > 0, *conditions))
+        attempts = Attempts(lifts > 0, releases > 0, *conditions)
+        decided = outcomes(gripper.release_gap, attempts, tip, protocol)
         return np.stack(decided).astype(np.float32)
 
     def on_host(numbers: Array) -> Array:

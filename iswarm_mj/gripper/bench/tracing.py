@@ -6,13 +6,15 @@ import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.gripper import plugin
+from iswarm_mj.gripper.attempts import tip_of
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import STATE, layout
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import hang, release, rung, touch
 from iswarm_mj.gripper.bench.script import hangs, is_lifted
-from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, ramp_to
+from iswarm_mj.gripper.bench.swarm_trials import TIMESTEP, protocol_of, radius_of, ramp_to
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.gripper.units import MS, NN, UM
@@ -133,37 +135,41 @@ def trace_trial(
     return trace_of(bench)
 
 
-def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
+def trace_attempt(tried: Tried, gripper: StaticGripper) -> tuple[Trace, bool]:
     """Trace an attempt that a swarm made.
 
     Args:
         tried: the attempt.
-        gap: between ball and plate at a release [m].
+        gripper: gap, tip and protocol of the swarm's attempts.
 
     Returns:
         The trace, whose phases are `PHASES`, and whether the attempt succeeded.
     """
+    protocol = protocol_of(gripper)
+    gap = gripper.release_gap
     trial = Trial(
         radius=tried.radius,
         work_tool_object=tried.work_tool_object,
         work_object_substrate=tried.work_object_substrate,
         relative_humidity=10.0,  # at which the works are, since its factor is 1
+        probe_radius=radius_of(tip_of(gripper)),
         misalignment=tried.misalignment,
+        tip=gripper.tip,
     )
     bench = MujocoBench(
         [trial],
-        PROTOCOL.start_gap,
+        protocol.start_gap,
         threads=1,
         timestep=TIMESTEP,
         is_recorded=True,
         hanging=None if tried.is_lift else gap,
     )
     if tried.is_lift:
-        touch(bench, PROTOCOL)
-        watch = rung(bench, PROTOCOL, tried.voltage)
-        succeeded = hangs(watch.gap_tool, watch.gap_plate, PROTOCOL)
+        touch(bench, protocol)
+        watch = rung(bench, protocol, tried.voltage)
+        succeeded = hangs(watch.gap_tool, watch.gap_plate, protocol)
     else:
-        outcome = release(bench, PROTOCOL, np.array([True]), gap, ramp_to(tried.voltage))
+        outcome = release(bench, protocol, np.array([True]), gap, ramp_to(tried.voltage))
         succeeded = outcome.landed
 
     trace = trace_of(bench)

@@ -13,15 +13,17 @@ import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.detachment import (
     BALL_DENSITY,
+    CONTACT_GAP,
     grasp_deficit,
     least_voltage,
     release_deficit,
@@ -36,6 +38,8 @@ from iswarm_mj.gripper.tips.adhesion import adhesion_radius
 from iswarm_mj.gripper.tips.forces import Task, shape_factor
 from iswarm_mj.gripper.tips.profile import Chain, Profile
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
+from iswarm_mj.utils.arrays import Array, Quantity, array_module
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, read_json
 from iswarm_mj.utils.pool import unordered
@@ -45,6 +49,8 @@ LEAST_BALL, LARGEST_BALL = 10e-6, 50e-6
 """Radii of the balls that a table is for [m]."""
 N_RATIOS = 9
 """Number of ratios R_m/R in a table."""
+_N_SHARES = 65
+"""Number of balls whose adhesion is computed; that of others is interpolated."""
 _TASKS: tuple[Task, ...] = ("pick", "release")
 _REMEDY = "name the tip.json that `iswarm tip --table` writes"
 
@@ -77,7 +83,27 @@ class TipTable:
         ]
         return np.stack(forces + capacitances), axes
 
-    def force(self, task: Task, radius: float, gap: float) -> float:
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the numbers, by which results name the table."""
+        return sha256(json.dumps(self.to_json()).encode()).hexdigest()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of the table's file."""
+        face = {
+            name: np.asarray(values).tolist() for name, values in asdict(self.profile.face).items()
+        }
+        return {
+            "tip_table": 1,
+            "name": self.profile.name,
+            "apex_curvature": self.profile.apex_curvature,
+            "face": face,
+            "reach": self.reach,
+            "pick": self.pick.tolist(),
+            "release": self.release.tolist(),
+        }
+
+    def force(self, task: Task, radius: Quantity, gap: Quantity) -> Quantity:
         """Return the force on a ball at 1 V [N/V^2].
 
         Args:
@@ -85,12 +111,16 @@ class TipTable:
             radius: of the ball [m].
             gap: to the tip in "pick", to the plate in "release" [m].
         """
+        xp = array_module(radius, gap)
+        functions = in_arrays(spline, xp)
         splines, axes = self.tables
-        functions = in_arrays(spline, np)
-        ratio = self.profile.radius / radius
-        place = functions.place_of(np.asarray(gap / radius), np.asarray(ratio), axes.tolist())
-        factor = float(functions.value_at(splines[_TASKS.index(task)], place))
-        return factor * math.pi * VACUUM_PERMITTIVITY * radius / gap
+
+        gap_ratio = xp.asarray(gap / radius)
+        tip_ratio = xp.asarray(self.profile.radius / radius)
+        place = functions.place_of(gap_ratio, tip_ratio, axes.tolist())
+        coefficients = xp.asarray(splines[_TASKS.index(task)], dtype=gap_ratio.dtype)
+        factor = functions.value_at(coefficients, place)
+        return factor * math.pi * VACUUM_PERMITTIVITY * (radius / gap)
 
     def grasp_voltage(
         self,
@@ -126,9 +156,54 @@ class TipTable:
         deficit = release_deficit(radius, work_tool, density)
         return float(least_voltage(deficit, self.force("release", radius, gap)))
 
+    def is_grasped(
+        self,
+        voltage: Quantity,
+        radius: Quantity,
+        work_tool: Quantity,
+        work_plate: Quantity,
+        gap: float = CONTACT_GAP,
+    ) -> bool | Bool[Array, "..."]:
+        """Return whether the touching tip lifts a ball, as `laws.detachment.is_grasped`.
+
+        Args:
+            voltage: of the tip [V].
+            radius: of the ball [m].
+            work_tool: of adhesion between tool and ball, times `adhesion_share` [J/m^2].
+            work_plate: of adhesion between ball and plate [J/m^2].
+            gap: electrical gap of tip and ball [m].
+        """
+        pull = voltage**2 * self.force("pick", radius, gap)
+        return pull > grasp_deficit(radius, work_tool, work_plate)
+
+    def is_released(
+        self, voltage: Quantity, radius: Quantity, work_tool: Quantity, gap: float
+    ) -> bool | Bool[Array, "..."]:
+        """Return whether a held ball leaves the tip, as `laws.detachment.is_released`.
+
+        Args:
+            voltage: of the tip [V].
+            radius: of the ball [m].
+            work_tool: of adhesion between tool and ball, times `adhesion_share` [J/m^2].
+            gap: of ball and plate [m].
+        """
+        pull = voltage**2 * self.force("release", radius, gap)
+        return pull > release_deficit(radius, work_tool)
+
     def adhesion_share(self, radius: float) -> float:
         """Return the adhesion of a ball [m] to the tip, over that to a plane."""
         return adhesion_radius(self.profile, radius, self.reach) / radius
+
+    def adhesion_shares(self, radius: Float[np.ndarray, "K"]) -> Float[np.ndarray, "K"]:
+        """Return the `adhesion_share` of many balls [m], interpolated to 3e-3."""
+        grid, shares = self._grid_of_shares
+        return np.interp(radius, grid, shares)
+
+    @cached_property
+    def _grid_of_shares(self) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Radii close together [m], and the adhesion of balls with these."""
+        grid = np.geomspace(LEAST_BALL, LARGEST_BALL, _N_SHARES)
+        return grid, np.array([self.adhesion_share(radius) for radius in grid])
 
 
 def ratio_exponents(tip_radius: float) -> Float[np.ndarray, "ratios"]:
@@ -187,20 +262,8 @@ def n_entries() -> int:
 
 def write_table(table: TipTable, path: Path) -> None:
     """Write a table as JSON."""
-    face = {
-        name: np.asarray(values).tolist() for name, values in asdict(table.profile.face).items()
-    }
-    content = {
-        "tip_table": 1,
-        "name": table.profile.name,
-        "apex_curvature": table.profile.apex_curvature,
-        "face": face,
-        "reach": table.reach,
-        "pick": table.pick.tolist(),
-        "release": table.release.tolist(),
-    }
     with atomic_write(path) as part:
-        part.write_text(json.dumps(content) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(table.to_json()) + "\n", encoding="utf-8")
 
 
 def read_table(path: Path | str) -> TipTable:
@@ -209,12 +272,48 @@ def read_table(path: Path | str) -> TipTable:
     Raises:
         UserError: it cannot be read, or is no table of a tip.
     """
-    path = Path(path)
+    return _table_of(Path(path).absolute(), time_of_change(path))
+
+
+def check_unchanged(path: Path | str, digest: str) -> None:
+    """Check that a file has the table that a recorded run had.
+
+    Args:
+        path: of the table.
+        digest: `TipTable.digest` of the run's table.
+
+    Raises:
+        UserError: it has another one, or cannot be read.
+    """
+    if read_table(path).digest != digest:
+        raise UserError(
+            f"{path} is not the table that the run had; put that one there, or name another "
+            "`gripper.tip`"
+        )
+
+
+def check_balls(name: str, radius: float) -> None:
+    """Check that tables are for balls of a radius.
+
+    Args:
+        name: setting of the radius, for the message.
+        radius: of the ball [m].
+
+    Raises:
+        ConfigError: they are not.
+    """
+    is_in_table = LEAST_BALL <= radius <= LARGEST_BALL
+    check(
+        name, radius, f"from {LEAST_BALL:g} to {LARGEST_BALL:g} m with a `gripper.tip`", is_in_table
+    )
+
+
+def time_of_change(path: Path | str) -> int:
+    """Return the time of a file's last change [ns]; 0 if it cannot be read."""
     try:
-        time = path.stat().st_mtime_ns
+        return Path(path).stat().st_mtime_ns
     except OSError:
-        time = 0  # for which reading finds the words
-    return _table_of(path.absolute(), time)
+        return 0  # reading the file finds the words
 
 
 @lru_cache(maxsize=8)
