@@ -44,7 +44,7 @@ def signal_main_thread(main_thread: int, number: int) -> None:
     if hasattr(signal, "pthread_kill"):
         signal.pthread_kill(main_thread, number)  # which also interrupts a wait for the system
     else:
-        _thread.interrupt_main(number)
+        _thread.interrupt_main(signal.Signals(number))
 
 
 def can_be_written(descriptor: int) -> bool:
