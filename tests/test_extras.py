@@ -110,6 +110,12 @@ def test_each_command_is_of_the_core_or_needs_an_extra():
     assert OF_CORE | {words[0] for words in NEEDS} == COMMANDS.keys()
 
 
+def test_the_core_inspects_and_lists(tmp_path):
+    trials = PACKAGE.parent / "results" / "default" / "grasp"
+    commands = [["inspect", str(trials)], ["experiment", "--list"]]
+    assert run_hidden(tmp_path, *commands) == [[0, ""], [0, ""]]
+
+
 @pytest.mark.slow
 def test_the_core_runs_records_and_draws(tmp_path):
     """`iswarm picture` draws where there is off-screen OpenGL, see `tests/output`."""
@@ -137,8 +143,6 @@ def test_public_names_come_or_name_their_extra():
     assert extra_of_name == {
         "Page": 'play]"',
         "play": 'play]"',
-        "compare": 'paper]"',
-        "evolve": 'paper]"',
         "Training": 'search]"',
         "train": 'search]"',
         "SwarmEnv": 'marl]"',

@@ -23,6 +23,7 @@ from iswarm_mj.search.settings import DEFAULT_WORLDS, ComparisonPlan
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import read_toml
 
 _KINDS = (
@@ -68,6 +69,7 @@ class Compare(ComparisonPlan):
 
     def run(self) -> None:
         """Run the command."""
+        require("paper")
         from iswarm_mj.search.compare import finished_candidate, gather
 
         if len(self.candidates) < 2:

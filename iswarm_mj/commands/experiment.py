@@ -18,6 +18,7 @@ from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
+from iswarm_mj.utils.extras import require
 
 
 @dataclass(frozen=True)
@@ -60,6 +61,8 @@ class Experiment(ManyRunsOptions):
         Raises:
             UserError: there is no such experiment, or settings have no effect in it.
         """
+        if not self.list:
+            require("paper")
         from iswarm_mj.paper.studies.experiment import Plan, run_experiment
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 

@@ -10,6 +10,7 @@ from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, validate
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import check_name
 
 
@@ -25,6 +26,7 @@ class Report:
 
     def run(self) -> None:
         """Run the command."""
+        require("paper")
         if not self.results:
             raise UserError("--results has no value; name directories with results")
         check_name(self.out, ".html")
@@ -82,6 +84,7 @@ class Reproduce(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
+        require("paper")
         if self.tables:
             of_tables = ("tables", "results", "pages")
             of_runs = [name for name in changed_names(self) if name not in of_tables]

@@ -26,6 +26,7 @@ from iswarm_mj.commands.swarm import run_of
 from iswarm_mj.strategy.user_files import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.extras import require
 
 MAX_RUNS = 10_000
 _FORM = (
@@ -74,6 +75,7 @@ class Sweep:
 
     def run(self) -> None:
         """Run the command."""
+        require("paper")
         over = dict(map(_read_values, self.over))
         is_once_each = 0 < len(over) == len(self.over)
         check("over", self.over, f"one or more of {_FORM}, each flag once", is_once_each)

@@ -1,17 +1,22 @@
-"""The common style of all figures, which are written as PNG and SVG."""
+"""The common style of all figures, which are written as PNG and SVG.
+
+Matplotlib is imported when a figure is drawn: it belongs to an extra, and modules that draw also
+read tables, which needs no more than the core.
+"""
+
+from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import matplotlib
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from iswarm_mj.output.palette import BLUE, DARK, ORANGE, SKY, YELLOW
 from iswarm_mj.utils.files import atomic_write
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 STYLE: Any = {
     "font.size": 9,
@@ -48,6 +53,8 @@ def figure(
         size: width and height of one of the axes [inch].
         caption: text below the axes: what is drawn, of how many runs, and by which test.
     """
+    import matplotlib
+
     with matplotlib.rc_context(STYLE):
         drawing, axes = blank(rows, columns, size)
         if caption:
@@ -87,6 +94,8 @@ def write_themed(path: Path, draw: Callable[[list[Axes], Theme], None], **layout
         draw: draws on the axes in the colours of a theme.
         layout: rows, columns and size, see `figure`.
     """
+    import matplotlib
+
     for theme in (LIGHT_PAGE, DARK_PAGE):
         style = {
             **STYLE,
@@ -108,6 +117,9 @@ def blank(
     rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure and its empty axes, see `figure` for the arguments."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     width, height = size
     drawing = Figure(figsize=(width * columns, height * rows), layout="constrained")
     FigureCanvasAgg(drawing)

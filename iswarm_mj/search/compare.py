@@ -24,6 +24,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.extras import require
 
 
 class Candidate(NamedTuple):
@@ -64,6 +65,7 @@ def compare(
         UserError: candidates cannot be compared, or one refuses its settings.
         SimulationFault: fewer than two worlds of a candidate have no fault.
     """
+    require("paper")
     check_kind("candidates", candidates, Mapping)
     try:
         checked_plan = ComparisonPlan(**plan)

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.search.best import by_replicate
@@ -35,6 +34,8 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         n_dust: number of balls.
         path: of the figure, without suffix.
     """
+    from matplotlib.ticker import MaxNLocator
+
     searches = by_replicate(rows)
     best_so_far, means = _curves(searches)
     n_generations = means.shape[1]
@@ -92,6 +93,8 @@ def draw_learning(rows: Rows, path: Path) -> None:
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     generation = columns["generation"]
     caption = "Lines: means of a generation; band: from its worst to its best candidate."
+    from matplotlib.ticker import MaxNLocator
+
     with figure(path, columns=2, size=(3.6, 3.0), caption=caption) as (left, right):
         band = {"color": BLUE, "alpha": 0.2, "linewidth": 0}
         left.fill_between(generation, columns["worst"], columns["best"], **band)

@@ -23,6 +23,7 @@ from iswarm_mj.simulation.scenario_flags import is_same
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import atomic_write, remove_parts
 from iswarm_mj.utils.pool import Backend
 from iswarm_mj.utils.tables import write_table
@@ -140,6 +141,7 @@ def evolve(
         UserError: the scenario has fields that a search does not use, or the directory holds
             another search.
     """
+    require("search")
     check_kind("scenario", scenario, Scenario)
     # `Search` refuses fields of the scenario that it does not use.
     search = Search(**_plan_of(plan or SearchPlan()), scenario=scenario)

@@ -5,10 +5,10 @@ Each is written as PNG and SVG; functions take the path without suffix.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
-from matplotlib.axes import Axes
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.output.plot_style import figure
@@ -20,6 +20,9 @@ from iswarm_mj.paper.analysis.varied_values import DEFAULT
 from iswarm_mj.search.rows import Row, Rows, by, select
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import constraint_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BLUE = "#4477aa"
 ORANGE = "#d55e00"
@@ -109,7 +112,7 @@ def _p_text(groups: Sequence[Rows], measure: Measure) -> str:
 
 
 def _draw_bar(
-    axes: Axes, place: int, rows: Rows, measure: Measure, rng: np.random.Generator
+    axes: "Axes", place: int, rows: Rows, measure: Measure, rng: np.random.Generator
 ) -> None:
     """Draw the bar of a group with its dots; the word "none" if no run has a value."""
     sample = values(rows, measure)
@@ -128,7 +131,7 @@ def _draw_bar(
     _draw_dots(axes, place + shifts, rows, measure)
 
 
-def _draw_dots(axes: Axes, places: Float[Array, "R"], rows: Rows, measure: Measure) -> None:
+def _draw_dots(axes: "Axes", places: Float[Array, "R"], rows: Rows, measure: Measure) -> None:
     """Draw a dot per run; an open triangle for one that did not reach its goal in the time.
 
     Args:
@@ -197,7 +200,7 @@ def draw_effects(rows: Rows, path: Path) -> None:
         )
 
 
-def _draw_effect(axes: Axes, place: float, effect: ChoiceEffect) -> None:
+def _draw_effect(axes: "Axes", place: float, effect: ChoiceEffect) -> None:
     """Draw the interval of an effect, and how many runs reached the goal at the right edge."""
     estimate, low, high = effect.change
     if low > 0:
@@ -211,7 +214,7 @@ def _draw_effect(axes: Axes, place: float, effect: ChoiceEffect) -> None:
     )
 
 
-def _scale_effects(axes: Axes) -> None:
+def _scale_effects(axes: "Axes") -> None:
     """Make the axis of effects linear about zero and logarithmic beyond."""
     low, high = axes.get_xlim()
     ticks = [tick for tick in _EFFECT_TICKS if low <= tick <= high]
@@ -257,7 +260,7 @@ def draw_trade_off(evolutions: Evolutions, path: Path) -> None:
         )
 
 
-def _draw_cloud(axes: Axes, fittest: Sequence[Row], colour: str) -> None:
+def _draw_cloud(axes: "Axes", fittest: Sequence[Row], colour: str) -> None:
     """Draw scouts and forgetting of the fittest runs of one search, with their line."""
     scouts = np.array([row["fraction_scouts"] for row in fittest])
     forgetting = np.array([row["p_vector_forget"] for row in fittest])

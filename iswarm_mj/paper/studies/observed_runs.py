@@ -17,7 +17,6 @@ import numpy as np
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.loading import load
-from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.paper.analysis.varied_values import drive_with_rate
 from iswarm_mj.paper.studies.experiment import Plan
 from iswarm_mj.search.rows import by
@@ -123,6 +122,8 @@ def _draw_half_delivered(frames: Mapping[str, np.ndarray], name: str, out: Path)
     step = min(int(frames["step"][-1]), _half_delivered(frames))
     n_dust = frames["ball_position"].shape[1]
     title = f"{name}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered"
+    from iswarm_mj.output.plot_swarm import draw_swarm  # with Matplotlib, which is of an extra
+
     draw_swarm(frames, step, title, out / name)
 
 

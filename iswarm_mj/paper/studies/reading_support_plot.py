@@ -1,12 +1,13 @@
 """Figure of the experiment `infer`: what combinations reproduce, and what they support."""
 
+from __future__ import annotations
+
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.output.palette import BLUE, DARK, GREEN
 from iswarm_mj.output.plot_style import figure
@@ -21,6 +22,9 @@ from iswarm_mj.paper.studies.reading_support import (
 )
 from iswarm_mj.search.rows import Rows, by
 from iswarm_mj.utils.intervals import Interval
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LIGHT = "#999999"
 _NAMED_COLOURS = (ORANGE, GREEN, DARK)
@@ -65,6 +69,8 @@ def draw_support(rows: Rows, path: Path) -> None:
 
 def _draw_counts(axes: Axes, sample: Sample, named: Sequence[Combination]) -> None:
     """Draw how many combinations reproduce how many statements, and the named readings as lines."""
+    from matplotlib.ticker import MaxNLocator
+
     counts = Counter(combination.n_selecting for combination in sample.drawn)
     axes.bar(list(counts), list(counts.values()), color=PALE, edgecolor=BLUE, linewidth=0.8)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
