@@ -27,6 +27,7 @@ _FLAG_OF_SETTING = {
     "steps": "steps",
     "seed": "seed",
     "stop_at": "stop_at",
+    "failing": "failing",
 }
 """Flags of the settings of a run in result.json."""
 _ENDS_A_RUN = ("steps", "stop_at")

@@ -44,7 +44,7 @@ class Play(WithTask):
     """Open the page in the browser, where there is one."""
     changes: tuple[str, ...] = ()
     """Changes after a number of control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT,
-    STEP:revive=ROBOT or STEP:ball=X,Y [rd]."""
+    STEP:revive=ROBOT, STEP:ball=X,Y [rd], STEP:fail=SHARE or STEP:move=ROBOT,X,Y [rd]."""
     fits: tuple[Path, ...] = ()
     """Files with settings of the gripper's bench, such as the fit.toml of `iswarm fit`; the tab
     Gripper begins with the first one. By default that of `--config`, if it has a table [grasp]."""

@@ -78,6 +78,9 @@ class Swarm(ConfigOptions, RobotOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
+    failing: Annotated[str | None, tyro.conf.arg(metavar="SHARE:STEP")] = None
+    """Share of the robots that fail, and the control step at which they do, as 0.1:400; from then
+    on they only stand in the way."""
     strategy_plugin: Any = None
     """The strategy with the values of its flags: what `controller` names, or else the genome, an
     object of `Genome`."""
@@ -154,6 +157,7 @@ class Swarm(ConfigOptions, RobotOptions):
             engine=self.engine_settings,
             seed=self.seed,
             worlds=self.worlds,
+            failing=self.failing,
             strategy_name=self._strategy_name(),
             **fields,
         )

@@ -21,6 +21,7 @@ SCENARIO_KEYS = frozenset(
     {
         "density",
         "engine",
+        "failing",
         "genome",
         "reading",
         "robot",

@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
+import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from iswarm_mj.geometry.robot import Robots
@@ -285,6 +286,15 @@ def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
     """Return x, y [mm] and yaw [rad] of the boxes; None where there are none."""
     boxes = engine.boxes(bodies)
     return boxes if boxes is not None and boxes.shape[-2] else None
+
+
+def poses_of_bodies(engine: Engine, bodies: Any) -> Float[np.ndarray, "*B NM 3"]:
+    """Return x, y [mm] and yaw [rad] of robots, and of boxes after them, as a NumPy array."""
+    robots = np.asarray(engine.poses(bodies))
+    boxes = boxes_of(engine, bodies)
+    if boxes is None:
+        return np.array(robots)
+    return np.concatenate([robots, np.asarray(boxes)], axis=-2)
 
 
 Mapping = Literal["batch", "vmap", "in turn"]

@@ -5,7 +5,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -13,7 +12,8 @@ from iswarm_mj.engines.validation import check_engine
 from iswarm_mj.geometry.obstacles import BOX_FIELDS, poses_of_boxes
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.compiled_loop import CompiledLoop
+from iswarm_mj.simulation.compiled_loop import CompiledLoop, placed_bodies
+from iswarm_mj.simulation.failures import failing_steps
 from iswarm_mj.simulation.host_loop import HostLoop
 from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.memory_limits import devices_of
@@ -97,9 +97,8 @@ def build_loop(
         return host_loop, start
 
     engine, devices = setup.compiled_engine(len(setup.worlds))
-    is_batched = engine.mapping(devices[0].platform) == "batch"
-    place = engine.place if is_batched else jax.vmap(engine.place)
-    state = state._replace(bodies=place(jnp.asarray(poses, jnp.float32), params.is_present))
+    bodies = placed_bodies(engine, devices[0].platform, poses, params.is_present)
+    state = state._replace(bodies=bodies)
     compiled_loop = CompiledLoop(
         engine=engine,
         config=setup.static,
@@ -139,15 +138,22 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
     worlds = setup.worlds
     goal = UNREACHABLE_GOAL if setup.goal is None else setup.goal
     is_driven = [[box[_MASS] == 0 for box in start.boxes or ()] for start in setup.starts]
+    key_data = np.asarray(jax.random.key_data(keys))[:, :2]
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of_worlds(setup.config, worlds),
-        key=np.asarray(jax.random.key_data(keys))[:, :2],
+        key=key_data,
         is_present=_taken_places(worlds, setup.capacity),
         goal=np.full(len(worlds), goal, np.int32),
         task=setup.tasks,
         arena=arenas_of_worlds(setup.config, worlds),
         is_driven=np.array(is_driven, bool),
+        fails_at=failing_steps(
+            setup.scenario.failing,
+            key_data,
+            [world.n_robots for world in worlds],
+            setup.capacity,
+        ),
     )
 
 

@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from jaxtyping import Float
 
 from iswarm_mj.config.static import StaticConfig
-from iswarm_mj.engines.base import CompiledEngine, Mapping, boxes_of
+from iswarm_mj.engines.base import CompiledEngine, Mapping, boxes_of, poses_of_bodies
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
 from iswarm_mj.simulation.packed import node_types_of
@@ -182,6 +183,19 @@ class CompiledLoop:
         self._params, state = self._put_on_devices(padded, _PER_DEVICE)
         self._state = state._replace(is_finished=is_finished)
 
+    def poses(self) -> Float[np.ndarray, "B NM 3"]:
+        """Return x, y [mm] and yaw [rad] of robots, and of boxes after them."""
+        return poses_of_bodies(self._engine, self._state.bodies)[self._rows]
+
+    def place(self, poses: Float[np.ndarray, "B NM 3"]) -> None:
+        """Put robots and boxes at other places, at rest."""
+        params, state = self.worlds()
+        placed = placed_bodies(self._engine, self.devices[0].platform, poses, params.is_present)
+        is_finished = self._state.is_finished  # with padding, which stays finished
+        padded = self._with_padding(params, state._replace(bodies=placed))
+        self._params, state = self._put_on_devices(padded, _PER_DEVICE)
+        self._state = state._replace(is_finished=is_finished)
+
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds of the stages of a control step, see `HostLoop.stage_times`.
 
@@ -339,3 +353,17 @@ def _median_time(program: Callable[..., Any], *arguments: Any) -> float:
         jax.block_until_ready(program(*arguments))
         laps.append(time.perf_counter() - started)
     return float(np.median(laps))
+
+
+def placed_bodies(engine: CompiledEngine, platform: str, poses: Any, is_present: Any) -> Any:
+    """Return the bodies of B worlds at rest at some poses, see `Engine.place`.
+
+    Args:
+        engine: engine of the worlds.
+        platform: platform of the devices, such as "cpu".
+        poses: x, y [mm] and yaw [rad] of robots and boxes (B, N + M, 3).
+        is_present: places that hold a robot (B, N).
+    """
+    is_batched = engine.mapping(platform) == "batch"
+    place = engine.place if is_batched else jax.vmap(engine.place)
+    return place(jnp.asarray(poses, jnp.float32), is_present)

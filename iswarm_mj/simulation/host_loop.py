@@ -9,9 +9,10 @@ from typing import Any, TypeVar
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.config.static import StaticConfig
-from iswarm_mj.engines.base import Engine
+from iswarm_mj.engines.base import Engine, poses_of_bodies
 from iswarm_mj.engines.validation import engine_code
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.decide import Decision, decide_packed
@@ -81,6 +82,17 @@ class WorldShard:
         self.params = params
         self._decide = partial(_decide_on_host, self._config, self.engine.robot, packed_params)
         self.state = self.state._replace(swarm=swarm)
+
+    def poses(self) -> Float[np.ndarray, "B NM 3"]:
+        """Return x, y [mm] and yaw [rad] of robots, and of boxes after them."""
+        bodies = self.state.bodies
+        return poses_of_bodies(self.engine, bodies)
+
+    def place(self, poses: Float[np.ndarray, "B NM 3"]) -> None:
+        """Put robots and boxes at other places, at rest."""
+        with engine_code(self.engine):
+            bodies = self.engine.place(poses, self.params.is_present)
+        self.state = self.state._replace(bodies=bodies)
 
     def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
         """Take a control step.
@@ -225,6 +237,15 @@ class HostLoop:
         """
         for shard, worlds in zip(self._shards, self._slices, strict=True):
             shard.replace(*_worlds_of((params, swarm), worlds))
+
+    def poses(self) -> Float[np.ndarray, "B NM 3"]:
+        """Return x, y [mm] and yaw [rad] of robots, and of boxes after them."""
+        return np.concatenate([shard.poses() for shard in self._shards])
+
+    def place(self, poses: Float[np.ndarray, "B NM 3"]) -> None:
+        """Put robots and boxes at other places, at rest."""
+        for shard, worlds in zip(self._shards, self._slices, strict=True):
+            shard.place(poses[worlds])
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics.

@@ -54,6 +54,33 @@ def check_poses(
         check(name, f"robots {places} mm", "such that no robots overlap", False)
 
 
+def check_place(index: int, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: Any) -> None:
+    """Check that one robot can stand where it is put, whatever the others do.
+
+    Args:
+        index: number of the robot.
+        poses: x, y [mm] and yaw [rad] of all robots.
+        robot: hulls of the robots.
+        arena: walls and obstacles (`ArenaConfig`).
+
+    Raises:
+        ConfigError: it would stand beyond a wall, in an obstacle or in another robot.
+    """
+    name = f"place of robot {index}"
+    place = f"{_place(poses[index])} mm"
+    hulls = _hulls(poses, robot)
+    own = hulls[[index]]
+    is_within = np.asarray(beyond(corners(own), in_mm(arena.walls))).max() <= 0
+    check(name, place, f"such that robots stand {_within(arena)}", is_within)
+
+    in_obstacle = [np.asarray(overlap(own, box)).any() for box in numbers(arena.obstacles, RD)]
+    check(name, place, "such that no robot stands in an obstacle", not any(in_obstacle))
+
+    others = np.delete(np.arange(len(poses)), index)
+    touched = others[np.asarray(overlap(hulls[others], own))]
+    check(name, place, "such that no robots overlap", not len(touched))
+
+
 def _hulls(poses: Float[np.ndarray, "N 3"], robot: Robots) -> Float[np.ndarray, "N 6"]:
     """Return the hulls of robots as boxes (`obstacles.numbers`), smaller by the tolerance."""
     yaw = poses[:, 2]

@@ -105,7 +105,7 @@ def perceive(
     (stop_draw,), (sensing_draw,) = draw(keys.stops, (len(inputs.poses),), n_uniform=1).uniform
     notices = sensing_draw >= params.conditions.error_in_sensing
     task_inputs = _task_inputs(config, robot, params, swarm, inputs, outputs, supply, notices)
-    swarm, sensed = _advance_task(params, swarm, task_inputs, keys.task)
+    swarm, sensed = _advance_task(params, swarm, task_inputs, inputs.step, keys.task)
 
     # Sense: this is all that robots may know.
     stops_to_emit = stop_draw < params.conditions.stop_share
@@ -210,14 +210,20 @@ def _task_inputs(
 
 
 def _advance_task(
-    params: WorldParams, swarm: SwarmState, task_inputs: TaskInputs, key: Array
+    params: WorldParams,
+    swarm: SwarmState,
+    task_inputs: TaskInputs,
+    step: Int[Array, ""],
+    key: Array,
 ) -> tuple[SwarmState, Sensed]:
-    """Return the state with the task advanced, and what robots sense; they may die."""
+    """Return the state with the task advanced, and what robots sense; they may die or fail."""
     task, sensed = params.task.advance(swarm.task, task_inputs, key)
     is_alive = swarm.is_alive
     survives = params.task.survives(task)
     if survives is not None:
         is_alive = is_alive & survives
+    if params.fails_at is not None:
+        is_alive = is_alive & (params.fails_at != step)
     return swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive), sensed
 
 

@@ -41,6 +41,7 @@ _OF_RUN = {
     "worlds": "worlds",
     "steps": "steps",
     "stop_at": "goal",
+    "failing": "failing",
 }
 """Fields of a scenario by the keys of a file."""
 _RESULT = "give the result.json of a run of a swarm"
@@ -278,6 +279,7 @@ def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any
         "worlds": _worlds_of(settings, strategy),
         "steps": settings["steps"],
         "goal": settings["stop_at"],
+        "failing": settings.get("failing"),  # which results of earlier versions lack
     }
 
 

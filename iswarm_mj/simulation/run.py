@@ -11,6 +11,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.validation import check_links
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.faults import decode_faults, summarize_faults
+from iswarm_mj.simulation.layout_checks import check_place
 from iswarm_mj.simulation.layouts import with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory
 from iswarm_mj.simulation.scenario import Scenario
@@ -31,7 +32,7 @@ from iswarm_mj.utils.constraints import check_kind, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, shown
 from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj.utils.units import MM, mm_from_rd
 
 
 class Run:
@@ -105,7 +106,8 @@ class Run:
         self._capacity = setup.capacity
 
         strategies = self._strategy_of_worlds()
-        self._check_strategies(setup, strategies)
+        if self.strategy is not None:
+            _check_methods(setup, strategies)
         self.recorded = recorded_of(VectorStrategy if self.strategy is None else strategies)
         self.payload = self._payload_of(strategies)
         self.teams = team_sizes(strategies, setup.capacity)
@@ -130,18 +132,6 @@ class Run:
             self.worlds,
             is_per_world=self.scenario.strategy_per_world,
         )
-
-    def _check_strategies(self, setup: Setup, strategies: Any) -> None:
-        """Check the methods of a user's strategy, and that its memories fit into the machine's.
-
-        Raises:
-            UserError: they do not.
-        """
-        if self.strategy is None:
-            return
-        n_leds = len(self.robot.sides)
-        memories = check_strategies(strategies, setup.capacity, n_leds, setup.sensed)
-        check_memory(self.engine, len(self.worlds), setup.capacity, memories)
 
     def _payload_of(self, strategies: Any) -> Any:
         """Return the fields of the messages of a strategy."""
@@ -282,6 +272,29 @@ class Run:
         self._loop.replace(params, edit(state.swarm))
         self._snapshot = None
 
+    def poses(self) -> np.ndarray:
+        """Return x, y [m] and yaw [rad] of the robots of all worlds (B, N, 3)."""
+        poses = self._loop.poses()[:, : self._capacity]
+        return poses * [MM, MM, 1.0]
+
+    def move_robot(self, index: int, place: Sequence[float]) -> None:
+        """Put a robot of the first world elsewhere, from the next control step on.
+
+        It keeps its heading and its memory, and all robots come to rest.
+
+        Args:
+            index: number of the robot.
+            place: x, y of its centre [mm].
+
+        Raises:
+            ConfigError: it would stand beyond a wall, in an obstacle or in another robot.
+        """
+        poses = self._loop.poses()
+        poses[0, index, :2] = place
+        check_place(index, poses[0, : self.worlds[0].n_robots], self.robot, self.config.arena)
+        self._loop.place(poses)
+        self._snapshot = None
+
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics."""
         return self._loop.stage_times()
@@ -371,6 +384,39 @@ class Run:
             finished_at=finished_at,
             starved=steps_without_energy,
         )
+
+
+def check_scenario(scenario: Scenario) -> None:
+    """Check a scenario as a run does at its start, but build no engine; it takes milliseconds.
+
+    Raises:
+        UserError: robots, worlds or settings do not fit each other.
+    """
+    setup = set_up(scenario, scenario.settings(record_worlds=(0,), capacity=None))
+    if scenario.genome is None:
+        strategies = of_all_worlds(
+            scenario.strategy,
+            setup.config,
+            setup.robot,
+            setup.worlds,
+            is_per_world=scenario.strategy_per_world,
+        )
+        _check_methods(setup, strategies)
+
+
+def _check_methods(setup: Setup, strategies: Any) -> None:
+    """Check the methods of a user's strategies, and that their memories fit into the machine's.
+
+    Args:
+        setup: the checked scenario.
+        strategies: strategy with a first axis of B worlds.
+
+    Raises:
+        UserError: they do not.
+    """
+    n_leds = len(setup.robot.sides)
+    memories = check_strategies(strategies, setup.capacity, n_leds, setup.sensed)
+    check_memory(setup.engine, len(setup.worlds), setup.capacity, memories)
 
 
 def _without_bodies_and_memories(state: WorldState) -> WorldState:

@@ -14,6 +14,7 @@ from iswarm_mj.engines.registry import ENGINES
 from iswarm_mj.engines.robot_file import as_robot_file, files_of
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.geometry.robot import RobotFile
+from iswarm_mj.simulation.failures import Failures, as_failures
 from iswarm_mj.simulation.read_scenario import fields_of_result, fields_of_toml
 from iswarm_mj.simulation.scenario_flags import STEPS, toml, values_of
 from iswarm_mj.simulation.settings import RunSettings
@@ -72,6 +73,8 @@ class Scenario:
     goal: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Progress of the task that finishes a world, in cleaning the number of balls delivered; None
     for the task's goal."""
+    failing: Failures | str | None = None
+    """Robots that fail during the run, as `"0.1:400"`: a tenth of them at control step 400."""
     strategy_name: str | None = field(default=None, compare=False)
     """Name of the strategy in files and commands, as --strategy takes it; names of teams have
     blanks between them. By default the name under which a package offers its class, or its
@@ -91,6 +94,7 @@ class Scenario:
         refuse_class(self.task, "task")
         object.__setattr__(self, "robot_file", as_robot_file(self.robot_file))
 
+        object.__setattr__(self, "failing", as_failures(self.failing))
         object.__setattr__(self, "worlds", _checked_worlds(self.worlds))
         if isinstance(self.strategy, Genome):
             check_genome(self.strategy, self.worlds)
@@ -135,6 +139,7 @@ class Scenario:
             n_worlds=self.n_worlds,
             stop_at=self.goal,
             failed_fraction=failed_fractions.pop() if len(failed_fractions) == 1 else 0.0,
+            failing=None if self.failing is None else str(self.failing),
             capacity=capacity,
             record_worlds=tuple(record_worlds),
         )

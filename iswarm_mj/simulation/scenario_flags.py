@@ -119,6 +119,7 @@ def values_of(scenario: "Scenario") -> dict[str, Any]:
         "worlds": scenario.worlds if scenario.worlds > 1 else None,
         "steps": scenario.steps if scenario.steps != STEPS else None,
         "stop_at": scenario.goal,
+        "failing": None if scenario.failing is None else str(scenario.failing),
     }
 
     # Names of task, strategy and engine.
@@ -167,15 +168,33 @@ def _changed(scenario: "Scenario") -> dict[str, Any]:
         if path in left_out or is_implied:
             continue
 
-        # Others must be stated if they are not the defaults of their fields.
-        is_default = is_same(value, default_of(part, path[-1]))
+        # Others must be stated if they are not those of the part that its name gives.
+        is_default = is_same(value, _default_by_name(scenario, path))
         if not is_default:
             _refuse_flag_of_run(part, path)
-        if isinstance(value, STATED):
+        if isinstance(value, STATED) and not is_default:
             values[name] = value
         elif not is_default:
             raise _unstated(name, value)
     return values
+
+
+def _default_by_name(scenario: "Scenario", path: tuple[str, ...]) -> Any:
+    """Return the value of a field where nothing but the name of its part is stated.
+
+    Args:
+        scenario: scenario with the part.
+        path: path of attributes to the field.
+    """
+    part = value_at(scenario, path[:-1])
+    by_name = None
+    if path[0] == "strategy":
+        by_name = _made_by_name(STRATEGIES, strategy_name(scenario))
+    elif path[0] == "task":
+        by_name = _made_by_name(TASKS, task_name(scenario))
+    if type(by_name) is type(part):
+        return getattr(by_name, path[-1])
+    return default_of(part, path[-1])
 
 
 def _refuse_flag_of_run(part: Any, path: tuple[str, ...]) -> None:
@@ -227,9 +246,20 @@ def _name_of_team(team: Team) -> str:
 
 
 @cache
-def _teams_of(name: str) -> Any:
-    """Return the teams that --strategy makes of a name; once, since it executes users' files."""
-    return made_of(STRATEGIES, name)
+def _made_by_name(kind: PluginKind, name: str) -> Any:
+    """Return the strategy or the task that a name gives; once, since it executes users' files.
+
+    None where the name alone gives none, as a field has no default.
+    """
+    try:
+        return made_of(kind, name)
+    except UserError:
+        return None
+
+
+def forget_made() -> None:
+    """Make strategies and tasks of names again when they are needed, as files have changed."""
+    _made_by_name.cache_clear()
 
 
 def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
@@ -242,7 +272,7 @@ def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
     Raises:
         UserError: no flag can state the name or the share of a team, or a field.
     """
-    default_teams = _teams_of(name)
+    default_teams = _made_by_name(STRATEGIES, name)
     if not isinstance(default_teams, Teams) or _shares(default_teams) != _shares(teams):
         listed = ", ".join(f"{name} ({share})" for name, share in _shares(teams))
         raise UserError(f"no flag can state the names and shares of the teams {listed}; {_REMEDY}")

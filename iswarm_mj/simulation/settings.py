@@ -23,6 +23,8 @@ class RunSettings:
     for the task's goal."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of robots that are dead from the start and only stand in the way."""
+    failing: str | None = None
+    """Share of the robots that fail, and the control step at which they do, as `0.1:400`."""
     capacity: Annotated[int | None, Within(1)] = None
     """Robots for which compiled programs have room, at least `n_robots`; None for exactly those.
 

@@ -35,6 +35,8 @@ class WorldParams(NamedTuple):
     """Size, dust and balls of the arena."""
     is_driven: Bool[Array, "*B M"]
     """Boxes of mass 0, which the task alone moves."""
+    fails_at: Int[Array, "*B N"] | None = None
+    """Control steps that each robot takes before it fails (`Failures`); None where none does."""
 
 
 class SwarmState(NamedTuple):

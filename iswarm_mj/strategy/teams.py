@@ -84,6 +84,16 @@ class Teams(Strategy):
         object.__setattr__(self, "teams", tuple(teams))  # the dataclass is frozen
         _ = self.payload  # raises an error where the fields of teams do not go together
 
+    def strategy_of(self, name: str) -> Any:
+        """Return the strategy of a team; None if there is no such team."""
+        return next((team.strategy for team in self.teams if team.name == name), None)
+
+    def with_strategy(self, name: str, strategy: Any) -> "Teams":
+        """Return the teams with another strategy of one of them."""
+        teams = {team.name: (team.share, team.strategy) for team in self.teams}
+        share, _ = teams[name]
+        return Teams(teams | {name: (share, strategy)})
+
     def tree_flatten(self) -> tuple[tuple[Any, ...], Any]:
         """Return the strategies, and what is compiled in: names and shares."""
         strategies = tuple(team.strategy for team in self.teams)

@@ -7,7 +7,9 @@ to it that methods depend on nothing but their arguments, and that recorded part
 """
 
 import re
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 
@@ -96,7 +98,8 @@ def check_strategy(strategy: Strategy, n_robots: int, n_sides: int = 4, sensed: 
 
     observation = observation_shapes(n_robots, n_sides, sensed, payload)
     if overrides(strategy, Strategy, "listen"):
-        updated = _trace(strategy, "listen", memory, observation, key)
+        with _naming_what_is_sensed(f"{name}.listen", observation):
+            updated = _trace(strategy, "listen", memory, observation, key)
         check_result(f"{name}.listen", updated, memory, "memory")
     _check_act(strategy, memory, observation, key)
     return memory
@@ -183,7 +186,8 @@ def _check_results_without_senses(strategy: Strategy, memory: Any, n_robots: int
 def _check_act(strategy: Strategy, memory: Any, observation: Observation, key: jax.Array) -> None:
     """Check that `act` returns the memory and the commands."""
     method = f"{type(strategy).__name__}.act"
-    returned = _trace(strategy, "act", memory, observation, key)
+    with _naming_what_is_sensed(method, observation):
+        returned = _trace(strategy, "act", memory, observation, key)
     is_pair = isinstance(returned, tuple) and len(returned) == 2
     if not is_pair or isinstance(returned, Command):  # a pair, too
         got = type(returned).__name__
@@ -194,6 +198,34 @@ def _check_act(strategy: Strategy, memory: Any, observation: Observation, key: j
     expected_command = Command(**shapes_of(Command, N=n_robots))
     check_result(method, next_memory, memory, "memory")
     check_result(method, command, expected_command, "command")
+
+
+@contextmanager
+def _naming_what_is_sensed(method: str, observation: Observation) -> Iterator[None]:
+    """Say what a task lets robots sense where a strategy asks for something else.
+
+    Args:
+        method: name of the method that the block calls.
+        observation: shapes and types of what robots sense.
+
+    Raises:
+        UserError: the method reads a name of `observation.sensed` that is not there.
+    """
+    try:
+        yield
+    except UserError as error:
+        cause = error.__cause__
+        if not isinstance(cause, KeyError) or cause.args[0] in observation.sensed:
+            raise
+        innermost = traceback.extract_tb(cause.__traceback__)[-1]
+        if "sensed" not in (innermost.line or ""):  # of another dictionary
+            raise
+        offered = ", ".join(sorted(observation.sensed)) or "nothing"
+        raise UserError(
+            f"{method} reads sensed[{cause.args[0]!r}] ({innermost.filename}, line "
+            f"{innermost.lineno}), but of its own the task offers {offered}; choose a task that "
+            "offers it, or another strategy"
+        ) from cause
 
 
 def _trace(strategy: Any, method: str, *arguments: Any, static: tuple[Any, ...] = ()) -> Any:

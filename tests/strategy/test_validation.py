@@ -272,3 +272,27 @@ def test_parts_of_a_memory_with_other_names_are_named():
         r"\(got dict of 1 array\), without \['steps'\], with \['count'\]; return the same type",
         act=act,
     )
+
+
+def test_what_a_task_lets_robots_sense_is_listed_where_a_strategy_senses_something_else():
+    def act(self, memory, seen, key):
+        return memory, Command(seen.sensed["is_there"], seen.sensed["is_there"])
+
+    sensed = {
+        "light": jax.ShapeDtypeStruct((N,), jnp.float32),
+        "east": jax.ShapeDtypeStruct((N,), jnp.float32),
+    }
+    line = act.__code__.co_firstlineno + 1
+    place = rf"\(.*test_validation.py, line {line}\)"
+    words = rf"^Mine.act reads sensed\['is_there'\] {place}, but of its own the task offers east, light;"
+    with pytest.raises(UserError, match=words):
+        check(sensed=sensed, act=act)
+    with pytest.raises(UserError, match="offers nothing; choose a task that offers it"):
+        check(act=act)
+
+
+def test_other_missing_keys_are_errors_of_their_own():
+    def act(self, memory, seen, key):
+        return memory["age"], None
+
+    refused("Mine.act raised KeyError: 'age'", act=act)
