@@ -23,7 +23,8 @@ def payload_json(payload: Payload) -> str:
     return json.dumps(payload.to_json())
 
 
-def _payload_of(scene: Scene) -> Payload:
+def payload_of(scene: Scene) -> Payload:
+    """Return the fields of the messages of a scene."""
     return Payload.from_json(json.loads(scene.payload))
 
 
@@ -38,7 +39,7 @@ def message_columns(
         scene: constants of the world, which declare the fields.
         messages: bits of the messages.
     """
-    payload = _payload_of(scene)
+    payload = payload_of(scene)
     values = payload.unpack(messages, int(scene.n_leds))[0].payload
     for name, field in payload.fields:
         names_of_parts = column_names(name, field)
@@ -65,7 +66,7 @@ def shown_fields(
         messages: bits of the messages.
     """
     names = set()
-    for name, field in _payload_of(scene).fields:
+    for name, field in payload_of(scene).fields:
         if not isinstance(field, Vector) and name != PRIORITY:
             names.add(MESSAGE_PREFIX + name)
     if not names:  # most messages have vectors only, and decoding takes time

@@ -9,6 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
+from iswarm_mj.output import legend
 from iswarm_mj.output import rerun_entities as swarm
 from iswarm_mj.output import rerun_format as views
 from iswarm_mj.output.memory_vectors import names_without_vectors, recorded_vectors
@@ -16,7 +17,13 @@ from iswarm_mj.output.rerun_entities import Block, entities
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties
 from iswarm_mj.output.schema import LINKS, ROBOTS, Frames
 from iswarm_mj.output.shapes import MILLIMETRES, TRAIL_FRAMES, centres
-from iswarm_mj.output.swarm_classes import STATES, possible_states, robot_groups, states_of
+from iswarm_mj.output.swarm_classes import (
+    STATES,
+    may_send_priority,
+    possible_states,
+    robot_groups,
+    states_of,
+)
 from iswarm_mj.output.trajectory import METRIC, Scene
 
 LEGEND_ENTITY = "legend"
@@ -24,25 +31,20 @@ MAX_LANES = 8
 """Maximum number of robots whose states have a lane each."""
 RESULT_COUNTS = ("delivered", "picked", "collisions")
 """Quantities whose last values are part of the property `result`."""
-LEGEND = """**Robots**{robots}. A dot marks the front.
-
-**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
-
-**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the
-trail of a loaded robot.
-
-**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector.
-
-**States**: colours as robots, lighter if an empty one knows dust or a loaded one the dump, greyer
-if it stands.
-
-**Selected**: a robot shows its number, its message of 32 bits and the fields of that, its hop
+_LINES = "grey from a robot to the one it hears, pink if the message arrived damaged"
+_TRAILS = "; blue the trail of a loaded robot"
+_HOPS = "**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector."
+_SELECTED = """**Selected**: a robot shows its number, its message of 32 bits and the fields of that, its hop
 counts (-1: no vector), its turn and its walk; a line the numbers of receiver and sender, side,
 LED, and whether the message was heard; a ball its number and its holder; an arrow or a trail the
-number of its robot.
-
-**Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
-"""Legend of the recording, with a place for the colours of the robots."""
+number of its robot."""
+_COLOUR_NAMES = {
+    "dump": "yellow the dump",
+    "dust area": "sand the dust",
+    "obstacle": "dark grey obstacles",
+    "box that robots push": "brown boxes",
+}
+"""What lies on the floor in words, by its entry in `output.legend`."""
 
 
 class Recording:
@@ -105,8 +107,8 @@ class Recording:
             look = rr.StateConfiguration(values=names, labels=labels, colors=colours)
             self.stream.log(lane(robot), look, static=True, strict=True)
 
-        legend = rr.TextDocument(legend_text(self._scene), media_type=rr.MediaType.MARKDOWN)
-        self.stream.log(LEGEND_ENTITY, legend, static=True, strict=True)
+        text = rr.TextDocument(legend_text(self._scene), media_type=rr.MediaType.MARKDOWN)
+        self.stream.log(LEGEND_ENTITY, text, static=True, strict=True)
 
     def close(self) -> None:
         """Complete the file, with the outcome of the world as property `result`.
@@ -168,13 +170,50 @@ class Recording:
 
 
 def legend_text(scene: Scene) -> str:
-    """Return the legend of a recording."""
+    """Return the legend of a recording, without what its swarm does not have."""
+    groups = dict(legend.groups(scene, (legend.LINKS, legend.TRAILS)))
+    has_balls = len(scene.ball_radius) > 0
+    paragraphs = [f"**Robots**{_robots_in_words(scene)}. A dot marks the front."]
+    if has_balls:
+        paragraphs.append(
+            "**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above "
+            "the robots."
+        )
+    paragraphs.append(f"**Lines**: {_LINES}{_TRAILS if has_balls else ''}.")
+    if any(vector.hop in scene.memory_names for vector in recorded_vectors(scene.memory)):
+        paragraphs.append(_HOPS)
+    paragraphs.append(_states_in_words(scene))
+    paragraphs.append(_SELECTED)
+
+    on_floor = [_COLOUR_NAMES.get(label, label) for label, _ in groups.get("Floor", [])]
+    floor = f"**Floor**: {', '.join(on_floor)}. " if on_floor else ""
+    paragraphs.append(f"{floor}All lengths are in millimetres.")
+    return "\n\n".join(paragraphs)
+
+
+def _robots_in_words(scene: Scene) -> str:
+    """Return what the colours of the robots mean, after the word "Robots"."""
     _, groups = robot_groups(scene)
+    has_balls = len(scene.ball_radius) > 0
     if groups:
-        colours = f" by group: {', '.join(groups)}; darker: loaded"
-    else:
-        colours = ": orange empty, green scout, blue loaded; darker: sends priority"
-    return LEGEND.format(robots=colours)
+        return f" by group: {', '.join(groups)}" + ("; darker: loaded" if has_balls else "")
+    colours = ["orange empty"]
+    if np.any(scene.is_scout):
+        colours.append("green scout")
+    if has_balls:
+        colours.append("blue loaded")
+    priority = "; darker: sends priority" if may_send_priority(scene) else ""
+    return f": {', '.join(colours)}{priority}"
+
+
+def _states_in_words(scene: Scene) -> str:
+    """Return what the colours of the robots' states mean."""
+    names = [state.name for state in possible_states(scene)]
+    lighter = "lighter if an empty one knows dust" if "empty, knows dust" in names else ""
+    if "loaded, knows dump" in names:
+        lighter += (" or " if lighter else "lighter if ") + "a loaded one the dump"
+    parts = ["colours as robots", lighter, "greyer if it stands"]
+    return f"**States**: {', '.join(part for part in parts if part)}."
 
 
 def lane(robot: int) -> str:
@@ -204,8 +243,8 @@ def swarm_views(scene: Scene) -> rrb.Horizontal:
     ]
     if memory:
         tabs.append(rrb.Vertical(*memory, name="Memory of each robot"))
-    legend = rrb.TextDocumentView(origin=LEGEND_ENTITY, name="Legend")
-    right = rrb.Vertical(rrb.Tabs(*tabs, active_tab=0), legend, row_shares=[2, 1])
+    explained = rrb.TextDocumentView(origin=LEGEND_ENTITY, name="Legend")
+    right = rrb.Vertical(rrb.Tabs(*tabs, active_tab=0), explained, row_shares=[2, 1])
     return rrb.Horizontal(_arena(scene), right, column_shares=[2, 1])
 
 

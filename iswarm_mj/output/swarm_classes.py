@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Int, UInt8, UInt16
 
 from iswarm_mj.output.memory_vectors import is_known, recorded_vectors
+from iswarm_mj.output.message_columns import payload_of
 from iswarm_mj.output.palette import (
     EMPTY,
     LOADED,
@@ -23,6 +24,7 @@ from iswarm_mj.output.palette import (
 )
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
+from iswarm_mj.sensors.messages import PRIORITY
 
 # Classes of a robot; a robot that sends priority has the next number.
 WORKER_CLASS = 0
@@ -82,6 +84,11 @@ def robot_classes(
     return (without_priority + has_priority).astype(np.uint16)
 
 
+def may_send_priority(scene: Scene) -> bool:
+    """Return whether the robots' messages have the flag `priority`."""
+    return any(name == PRIORITY for name, _ in payload_of(scene).fields)
+
+
 def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Return class, label and colour of the robots that a scene can show.
 
@@ -95,11 +102,9 @@ def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
             classes.append(SCOUT_CLASS)
         if has_balls:
             classes.append(LOADED_CLASS)
-        return [
-            (number, label, colour)
-            for number, label, colour in ROBOT_CLASSES
-            if number in classes or number - 1 in classes  # the latter with priority
-        ]
+        if may_send_priority(scene):
+            classes += [number + 1 for number in classes]
+        return [each for each in ROBOT_CLASSES if each[0] in classes]
 
     shown = []
     for group, (name, colour) in enumerate(zip(group_names, cycle(TEAM_COLOURS))):

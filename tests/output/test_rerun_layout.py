@@ -6,7 +6,9 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 from support.swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.rerun_swarm import shown_lanes, swarm_views
+from iswarm_mj.output.message_columns import payload_json
+from iswarm_mj.output.rerun_swarm import legend_text, shown_lanes, swarm_views
+from iswarm_mj.sensors.messages import Payload
 
 
 def test_lanes_are_of_living_robots_from_the_first_to_the_last():
@@ -70,3 +72,27 @@ def test_the_legend_names_teams(tmp_path, teams):
     text = row["TextDocument:text"][0]
     assert ("by group: home, guests; darker: loaded" in text) == bool(teams)
     assert ("orange empty" in text) != bool(teams)
+
+
+def test_the_legend_leaves_out_what_the_swarm_does_not_have():
+    scene = make_scene(6, 1)._replace(
+        ball_radius=np.zeros(0),
+        dump=np.zeros(4),
+        dust_areas=np.zeros((0, 4)),
+        payload=payload_json(Payload()),
+        memory_names=(),
+        memory_units=(),
+        memory_sizes=(),
+    )
+    text = legend_text(scene)
+    assert text.startswith("**Robots**: orange empty")
+    for absent in (
+        "Balls",
+        "blue loaded",
+        "priority",
+        "yellow the dump",
+        "trail of",
+        "Hop counts**",
+    ):
+        assert absent not in text
+    assert "**States**: colours as robots, greyer if it stands." in text
