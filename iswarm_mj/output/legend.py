@@ -11,6 +11,8 @@ from iswarm_mj.output.trajectory import Scene
 
 LINKS = "links"
 TRAILS = "trails"
+BALLS = "Balls, drawn enlarged"
+"""Heading of the colours of balls."""
 ARROW_COLOURS = tuple(map(rgb, (palette.SKY, palette.YELLOW, palette.GREEN, palette.PINK)))
 """Colours of the arrows, one for each remembered vector in turn."""
 
@@ -54,7 +56,7 @@ def groups(
         balls = [Entry(label, colour) for _, label, colour in BALL_CLASSES]
     every_group = [
         Group("Robots", robots),
-        Group("Balls, drawn enlarged", balls),
+        Group(BALLS, balls),
         Group("Lines", _lines(scene, drawn)),
         Group("Floor", _floor(scene)),
     ]
@@ -66,10 +68,10 @@ def _lines(scene: Scene, drawn: Collection[str]) -> list[Entry]:
     entries = []
     if LINKS in drawn:
         (_, _, damaged), (_, _, heard) = LINK_CLASSES
-        entries.append(Entry("link to the robot that is heard", heard))
-        entries.append(Entry("damaged message", damaged))
+        entries.append(Entry("link, heard", heard))
+        entries.append(Entry("link, damaged message", damaged))
     if TRAILS in drawn and len(scene.ball_radius):
-        entries.append(Entry("trail of a loaded robot", rgb(palette.SKY)))
+        entries.append(Entry("trail", rgb(palette.SKY)))
     for k, vector in enumerate(recorded_vectors(scene.memory)):
         if vector.stem in drawn:
             colour = ARROW_COLOURS[k % len(ARROW_COLOURS)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.gripper.bench.tracing import Trace
+from iswarm_mj.output.legend import Entry, Group
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
 from iswarm_mj.player.bench_settings import BenchSettings
@@ -212,7 +213,8 @@ class Bench:
         self._film_position = inputs.add(film_position)
         is_filmed = Control("play film", "", True, text="Repeat the film; untick it to stop.")
         self._plays_film = inputs.add(is_filmed)
-        gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
+        forces = [Entry(name, rgb(colour)) for name, colour in FORCES]
+        gui.add_html(spots([Group("Forces on the ball", forces)]))
         gui.add_markdown(_EXPLANATION)
 
         self._handles = {}

@@ -6,20 +6,26 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import mm_from_rd
 
 KILL = "kill"
 REVIVE = "revive"
 BALL = "ball"
-EDITS = (KILL, REVIVE, BALL)
-"""Changes that are no settings; they name a robot by its number, or the place x,y of a ball [rd]."""
+FAIL = "fail"
+MOVE = "move"
+EDITS = (KILL, REVIVE, BALL, FAIL, MOVE)
+"""Changes that are no settings; they name a robot by its number, the place x,y of a ball [rd], the
+share of the robots that fail, or a robot and its new place as 17,3.5,-2."""
+_STREAM_OF_FAILURES = 0x4641494C
+"""Number that tells draws of failures from others of the same seed and step."""
 _MOST_DIGITS = 9
 """Most digits of the number of a control step."""
 
@@ -33,9 +39,9 @@ class Change(NamedTuple):
     step: int
     """Control steps before the change."""
     name: str
-    """Name of a setting, or one of `KILL`, `REVIVE` and `BALL`."""
+    """Name of a setting, or one of `EDITS`."""
     value: str
-    """New value of the setting, number of the robot, or place of the ball."""
+    """New value of the setting, number of the robot, place of the ball, or share of robots."""
 
     def __str__(self) -> str:
         return f"{self.step}:{self.name}={self.value}"
@@ -56,22 +62,44 @@ class Change(NamedTuple):
         return cls(int(step), name.replace("-", "_"), value)
 
 
-def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
+def edit(run: Run, change: Change) -> Callable[[], None]:
     """Return the function that changes the robots or the balls of a run's first world.
 
-    `Run.edit` takes it.
-
     Raises:
-        UserError: there is no such robot or place, or there are no balls.
+        UserError: there is no such robot or place, or there are no balls. The function raises it,
+            too, where it depends on the present state.
     """
+    if change.name == MOVE:
+        robot, x, y = _numbers(change, float, 3, "a robot and its place, as 60:move=17,3.5,-2")
+        index = _checked_robot(run, robot)
+        return partial(run.move_robot, index, mm_from_rd(np.array([x, y])))
+    return partial(run.edit, edit_of_swarm(run, change))
+
+
+def edit_of_swarm(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
+    """Return the function of the swarm's state for a change that moves no robot, see `edit`."""
     if change.name == BALL:
         place = _place_of_ball(run, change)
         return partial(_drop_ball, run, place)
+    if change.name == FAIL:
+        (share,) = _numbers(change, float, 1, "a share of the robots, as 40:fail=0.1")
+        check("fail", share, "between 0 and 1", 0 <= share <= 1)
+        rng = np.random.default_rng([run.settings.seed, change.step, _STREAM_OF_FAILURES])
+        return partial(_let_fail, share, rng.permutation(run.settings.n_robots))
     (robot,) = _numbers(change, int, 1, "a robot by its number")
+    return partial(_set_alive, _checked_robot(run, robot), is_alive=change.name == REVIVE)
+
+
+def _checked_robot(run: Run, robot: float) -> int:
+    """Return the number of a robot that a run has.
+
+    Raises:
+        UserError: it has none of this number.
+    """
     n_robots = run.settings.n_robots
-    if not 0 <= robot < n_robots:
-        raise UserError(f"there is no robot {robot}; they are numbered 0 to {n_robots - 1}")
-    return partial(_set_alive, robot, is_alive=change.name == REVIVE)
+    if robot not in range(n_robots):
+        raise UserError(f"there is no robot {robot:g}; they are numbered 0 to {n_robots - 1}")
+    return int(robot)
 
 
 def _place_of_ball(run: Run, change: Change) -> Float[np.ndarray, "2"]:
@@ -115,6 +143,20 @@ def _set_alive(robot: int, swarm: SwarmState, *, is_alive: bool) -> SwarmState:
     """Return a swarm in whose first world a robot is alive or dead."""
     alive = np.array(swarm.is_alive)
     alive[0, robot] = is_alive
+    return swarm._replace(is_alive=alive)
+
+
+def _let_fail(share: float, order: Int[np.ndarray, "N"], swarm: SwarmState) -> SwarmState:
+    """Return a swarm in whose first world a share of the robots that are alive have failed.
+
+    Args:
+        share: share of the living robots.
+        order: numbers of all robots in the order in which they fail.
+        swarm: present swarm.
+    """
+    alive = np.array(swarm.is_alive)
+    living = order[alive[0, order]]
+    alive[0, living[: round(share * len(living))]] = False
     return swarm._replace(is_alive=alive)
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj.config.setting_names import CONFIG_NAMES, PARTS
@@ -12,9 +13,11 @@ from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.utils import constraints
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.docstrings import field_docs
@@ -117,6 +120,18 @@ class Control(NamedTuple):
         constraints.check(self.name, value, f"a whole number, {allowed}", is_allowed)
         return int(value)
 
+    def text_of(self, value: Any) -> str:
+        """Return a value as a line of text shows it."""
+        if isinstance(value, bool):
+            return "on" if value else "off"
+        if isinstance(value, str):
+            return Path(value).name  # without the folder of a user's file
+        return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+    def of_page(self, value: Any) -> Any:
+        """Return the value on the page for a value of the setting."""
+        return value if self.factor == 1 else _rounded(value * self.factor)
+
     def of_setting(self, value: Any) -> Any:
         """Return the value of the setting for a value on the page."""
         return value if self.factor == 1 else _rounded(value / self.factor)
@@ -172,13 +187,18 @@ def may_change_at_once(scenario: PageScenario, name: str) -> bool:
             is_condition = field_name in Conditions._fields
             is_rule = has_genome and group == "strategy" and field_name in Rules._fields
             return field_name in PER_WORLD_FIELDS[group] and (is_condition or is_rule)
-        case ("strategy", field_name) if has_genome:
-            return field_name in Rules._fields and field_name not in _FIXED_AT_START
-        case ("strategy" | "task" as part, field_name):
-            cls = type(getattr(scenario, part))
-            (declaration,) = [f for f in fields(cls) if f.name == field_name]
-            return not is_static_field(cls, declaration)
+        case ("strategy", *_, field_name) | ("task", field_name):
+            return _is_compiled_as_array(scenario.at(scenario.path_of(name)[:-1]), field_name)
     return False
+
+
+def _is_compiled_as_array(owner: Any, field_name: str) -> bool:
+    """Return whether compiled programs take a field of a strategy or a task as an array."""
+    if isinstance(owner, Genome):
+        return field_name in Rules._fields and field_name not in _FIXED_AT_START
+    cls = type(owner)
+    (declaration,) = [f for f in fields(cls) if f.name == field_name]
+    return not is_static_field(cls, declaration)
 
 
 def controls(scenario: PageScenario, start: PageScenario | None = None) -> list[Control]:
@@ -226,15 +246,22 @@ def _controls_of_parts(scenario: PageScenario) -> list[Control]:
         # The group "strategy" has the paper's rules, which only robots with a genome follow.
         unused.add("strategy")
         owner = type(scenario.strategy).__name__
-    parts: list[tuple[tuple[str, ...], Any, str]] = [
-        (("strategy",), scenario.strategy, f"Rules of {owner}"),
-        (("task",), scenario.task, f"Task {type(scenario.task).__name__}"),
-    ]
+    parts: list[tuple[tuple[str, ...], Any, str]] = []
+    if isinstance(scenario.strategy, Teams):
+        for team in scenario.strategy.teams:
+            parts.append((("strategy", team.name), team.strategy, f"Rules of team {team.name}"))
+    else:
+        parts.append((("strategy",), scenario.strategy, f"Rules of {owner}"))
+    parts.append((("task",), scenario.task, f"Task {type(scenario.task).__name__}"))
     for group, part in vars(scenario.config).items():
         if group not in unused:
             parts.append((("config", group), part, group.capitalize()))
 
     name_of = {path: name for name, path in scenario.paths().items()}
+    if isinstance(scenario.strategy, Teams):
+        # Numbers of robots are those of the teams' shares.
+        unused |= {f"{team.name}.density_of_robots" for team in scenario.strategy.teams}
+
     settings: list[Control] = []
     for path, part, group in parts:
         for control in declared(part):

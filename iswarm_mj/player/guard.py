@@ -60,7 +60,7 @@ logging.getLogger("asyncio").addFilter(
 
 
 # What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks
-# on the arena. The names are viser's. Other messages do not pass, such as uploads, requests for a
+# and drags on the arena. The names are viser's. Other messages do not pass, such as uploads, requests for a
 # public address, and changes of other properties of a control than its value.
 
 _Coordinate = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
@@ -115,7 +115,26 @@ class ScenePointerMessage(_Strict, tag_field="type", tag=True):
     modifier: _Name | None
 
 
-_DECODER = msgspec.msgpack.Decoder(GuiUpdateMessage | ViewerCameraMessage | ScenePointerMessage)
+class SceneNodeDragMessage(_Strict, tag_field="type", tag=True):
+    """Somebody drags a robot."""
+
+    phase: Literal["start", "update", "end"]
+    name: _Name
+    instance_index: Annotated[int, msgspec.Meta(ge=0, le=2**31)] | None
+    start_position: _Vector
+    start_screen_pos: tuple[_Coordinate, _Coordinate]
+    end_position: _Vector
+    end_screen_pos: tuple[_Coordinate, _Coordinate]
+    button: Literal["left", "middle", "right"]
+    modifier: _Name | None
+    owner: _Name
+
+
+_MESSAGES = (GuiUpdateMessage, ViewerCameraMessage, ScenePointerMessage, SceneNodeDragMessage)
+"""Kinds of messages that pass."""
+_DECODER = msgspec.msgpack.Decoder(
+    GuiUpdateMessage | ViewerCameraMessage | ScenePointerMessage | SceneNodeDragMessage
+)
 
 
 class Guard:
@@ -292,7 +311,7 @@ def _knows_messages() -> bool:
     """Return whether viser's messages have the fields that pass; others would all be dropped."""
     from viser import _messages
 
-    for kind in (GuiUpdateMessage, ViewerCameraMessage, ScenePointerMessage):
+    for kind in _MESSAGES:
         of_viser = getattr(_messages, kind.__name__)
         if {field.name for field in fields(of_viser)} != set(kind.__struct_fields__):
             return False

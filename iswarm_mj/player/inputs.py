@@ -1,11 +1,12 @@
 """The inputs of the page: what browsers send is checked before viser keeps it."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
 from iswarm_mj.player.controls import Control
-from iswarm_mj.player.widgets import widget
+from iswarm_mj.player.widgets import warning, widget
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
 
 Action = Callable[[Any], None]
@@ -13,6 +14,10 @@ Action = Callable[[Any], None]
 
 viser's event loop calls it, in the order of the messages, so it must take no time.
 """
+
+
+_JUST_AFTER = 0.5
+"""Place of a sentence after its input, in the numbers by which viser orders what folders hold."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Inputs:
 
         Args:
             server: viser server of the page.
-            refused: called with a sentence on a value that an input does not take.
+            refused: called with a sentence on a click that a button does not take.
             failed: called with what an input's action raised.
         """
         from viser._messages import GuiUpdateMessage
@@ -56,6 +61,8 @@ class Inputs:
         self._refused = refused
         self._failed = failed
         self._inputs: dict[str, _Input] = {}
+        self._new_notes: dict[str, str] = {}
+        self._notes: dict[str, Any] = {}
         self._connection = self._gui._websock_interface
         self._connection.unregister_handler(GuiUpdateMessage, self._gui._handle_gui_updates)
         self._connection.register_handler(GuiUpdateMessage, self.receive)
@@ -111,6 +118,45 @@ class Inputs:
     def forget(self, handle: Any) -> None:
         """Take no more values of an input that is removed."""
         self._inputs.pop(handle._impl.uuid, None)
+        self._notes.pop(handle._impl.uuid, None)
+
+    def refuse(self, handle: Any, error: UserError) -> None:
+        """Let the page say beneath an input why it does not take a value; any thread may call."""
+        known = self._inputs.get(handle._impl.uuid)
+        if known is not None:
+            self._new_notes[handle._impl.uuid] = _sentence(error, known.control)
+
+    def clear_notes(self) -> None:
+        """Take away all sentences on refused values, as a run begins with other settings."""
+        for uuid in self._notes:
+            self._new_notes[uuid] = ""
+
+    def show_notes(self) -> bool:
+        """Show the sentences on refused values beneath their inputs; return whether any is new.
+
+        Only the thread that adds inputs may call this, as the sentences stand in their folders.
+        """
+        is_any_new = False
+        for uuid, sentence in [*self._new_notes.items()]:
+            # Another thread may have replaced it in the meantime; that one comes next time.
+            if self._new_notes.get(uuid) == sentence:
+                self._new_notes.pop(uuid)
+            is_any_new |= bool(sentence)
+            self._show_note(uuid, sentence)
+        return is_any_new
+
+    def _show_note(self, uuid: str, sentence: str) -> None:
+        """Show a sentence beneath an input, or none where it is empty."""
+        handle = self._gui._gui_input_handle_from_uuid.get(uuid)
+        note = self._notes.get(uuid)
+        if note is not None:
+            note.content = warning(sentence) if sentence else ""
+        elif handle is not None and sentence:
+            container = self._gui._container_handle_from_uuid[handle._impl.parent_container_id]
+            is_root = not hasattr(container, "__enter__")
+            with nullcontext() if is_root else container:
+                order = handle.order + _JUST_AFTER
+                self._notes[uuid] = self._gui.add_html(warning(sentence), order=order)
 
     async def receive(self, client_id: int, message: Any) -> None:
         """Take the value that a browser sends, if it is one that the input takes, and act on it.
@@ -124,10 +170,14 @@ class Inputs:
         try:
             value = _checked(message, known.control)
         except UserError as error:
-            self._refused(_sentence(error, known.control))
-            if not handle._impl.is_button:
+            if handle._impl.is_button:
+                self._refused(_sentence(error, known.control))
+            else:
+                self.refuse(handle, error)
                 self._connection.queue_message(self._message(message.uuid, {"value": handle.value}))
             return
+        if message.uuid in self._notes or message.uuid in self._new_notes:
+            self._new_notes[message.uuid] = ""
 
         # viser keeps the value and sends it to the other browsers.
         is_new = handle._impl.is_button or handle.value != value
@@ -162,7 +212,9 @@ def _checked(message: Any, control: Control) -> Any:
 
 
 def _sentence(error: UserError, control: Control) -> str:
-    """Return a sentence that calls a setting by its name on the page."""
-    if isinstance(error, ConfigError):
+    """Return a sentence that calls the setting of a control by its name on the page."""
+    # Numbers are called `n_robots` in Python where flags have `robots`.
+    own_names = (control.name, f"n_{control.name}")
+    if isinstance(error, ConfigError) and error.field in own_names:
         error = ConfigError(control.label, error.value, error.constraint, error.remedy)
     return str(error)

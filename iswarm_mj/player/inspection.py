@@ -25,16 +25,15 @@ def describe_robot(scene: Scene, frames: Frames, memory: Any, robot: int) -> str
         memory: memory of the strategy, arrays (1, 1, N, ...).
         robot: number of the robot.
     """
-    parts = parts_of(memory).items()
-    remembered = [f"| {name} | {_text(part[0, 0, robot])} |" for name, part in parts]
+    remembered = _describe_memory(scene, frames, memory, robot)
     message = [f"| {name} | {value} |" for name, value in _message_of(scene, frames, robot)]
     lines = [
         *_describe_pose(scene, frames, robot),
-        *("", "| remembers | |", "|---|---|"),
+        *("", "| remembers | |", "|:--|:--|"),
         *remembered,
-        *("", "| says | |", "|---|---|"),
+        *("", "| says | |", "|:--|:--|"),
         *message,
-        *("", "| hears | robot | at [mm] | |", "|---|---|---|---|"),
+        *("", "| hears | robot | distance [mm] | message |", "|:--|:--|:--|:--|"),
         *_describe_links(scene, frames, robot),
     ]
     return "\n".join(lines)
@@ -50,14 +49,34 @@ def _describe_pose(scene: Scene, frames: Frames, robot: int) -> list[str]:
         kind = "robot"
     load = ", loaded" if frames.is_loaded[0, robot] else ""
 
-    x, y, yaw = frames.pose[0, robot]
+    x, y, yaw = frames.pose[0, robot].tolist()
+    x_mm, y_mm = (round(1e3 * number, 1) + 0.0 for number in (x, y))  # without a sign of zero
     turn, forward = frames.command[0, robot]
     heading = np.degrees(yaw) % 360
     return [
         f"**{kind.capitalize()} {robot}**{load}",
-        f"At {x * 1e3:.1f}, {y * 1e3:.1f} mm, heading {heading:.0f}°. "
+        "",
+        f"At {x_mm:.1f}, {y_mm:.1f} mm, heading {heading:.0f}°. "
         f"It turned by {np.degrees(turn):.0f}° and walked {forward * 1e3:.2f} mm.",
     ]
+
+
+def _describe_memory(scene: Scene, frames: Frames, memory: Any, robot: int) -> list[str]:
+    """Return rows of a table: name and value of each part of what a robot remembers.
+
+    Parts that recordings have are in the units of these, others are bare numbers.
+    """
+    units = {name: unit for name, unit, _ in scene.memory}
+    rows = []
+    for name, part in parts_of(memory).items():
+        recorded_name = name.replace(".", "_")
+        if recorded_name in units:
+            value = frames.memory[recorded_name][0, robot]
+            text = _text_with_unit(value, units[recorded_name])
+        else:
+            text = _text(part[0, 0, robot])
+        rows.append(f"| {name} | {text} |")
+    return rows
 
 
 def _describe_links(scene: Scene, frames: Frames, robot: int) -> list[str]:
@@ -95,8 +114,15 @@ def _message_of(scene: Scene, frames: Frames, robot: int) -> list[tuple[str, str
         value = np.ma.asarray(values)[0, robot]
         if value is not np.ma.masked:
             name = column.name.removeprefix("said_")
-            fields.append((name, f"{_text(value)} {column.unit}".strip()))
+            fields.append((name, _text_with_unit(value, column.unit)))
     return fields
+
+
+def _text_with_unit(value: Any, unit: str) -> str:
+    """Return the numbers of an array with their unit; lengths are in mm here."""
+    if unit != "m":
+        return f"{_text(value)} {unit}".strip()
+    return f"{_text(np.asarray(value, float) * 1e3)} mm"
 
 
 def _text(value: Any) -> str:
@@ -104,4 +130,5 @@ def _text(value: Any) -> str:
     numbers = np.atleast_1d(np.asarray(value)).ravel()[:_MOST_NUMBERS]
     if numbers.dtype == bool:
         return ", ".join("yes" if number else "no" for number in numbers)
-    return ", ".join(f"{number:.4g}" for number in numbers)
+    # Zeros have no sign: "-0" looks like a mistake.
+    return ", ".join(f"{number or 0:.4g}" for number in numbers)

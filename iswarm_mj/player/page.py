@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stdout
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from iswarm_mj.output import shapes
 from iswarm_mj.player.bench import CALIBRATIONS, calibrations_of
 from iswarm_mj.player.bench_settings import BenchSettings
 from iswarm_mj.player.guard import Guard
+from iswarm_mj.player.number_boxes import let_number_boxes_wait
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -48,6 +49,14 @@ _MOST_STEPS_BEHIND = 3
 """Largest number of control steps between what is drawn and the latest one."""
 _RADIUS_OF_CLICK = 0.8
 """Largest distance between a click and the robot that is meant, in lengths of a robot."""
+
+
+class _Followed(NamedTuple):
+    """Robot that all cameras follow, and where it was."""
+
+    robot: int
+    place: np.ndarray
+    """x, y [mm]."""
 
 
 def open_server(port: int = PORT) -> Any:
@@ -122,12 +131,14 @@ class Page:
         server = self._server
         server.gui.configure_theme(**THEME)
         server.gui.add_html(_NARROW)
+        let_number_boxes_wait(server)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(380)
         light(server.scene)
         aim(server.initial_camera, session.scene)
         self._panel = Panel(server, session, calibrations)
         self._panel.rebuild()
+        self._let_robots_be_dragged()
         server.scene.on_click()(self._clicked)
         server.on_client_connect(self._connected)
 
@@ -136,6 +147,8 @@ class Page:
         self._drawn_version = session.version
         self._drawn_at = time.monotonic()
         self._panel_at = -math.inf
+
+        self._followed: _Followed | None = None
 
         # The threads.
         self._error: BaseException | None = None
@@ -188,6 +201,7 @@ class Page:
         for thread in self._threads:
             thread.join(max(0.0, end - time.monotonic()))
 
+        self._panel.sweeps.stop()
         self.session.stop_recording()
         close_server(self._server)
 
@@ -247,6 +261,7 @@ class Page:
         view.root.visible = not self._panel.bench.root.visible
         self._panel.view = view
         self._panel.rebuild()
+        self._let_robots_be_dragged()
 
     def _draw_swarm(self, elapsed: float) -> None:
         """Draw the swarm between two control steps.
@@ -271,6 +286,24 @@ class Page:
         share = session.shown - after.step + 1
         with self._server.atomic():
             self._panel.view.show([snapshot.frames for snapshot in past], share, after.energy)
+            self._follow()
+
+    def _follow(self) -> None:
+        """Let all browsers move along with the selected robot, if this is wished."""
+        view = self._panel.view
+        robot = view.selected if self._panel.follows else None
+        before, self._followed = self._followed, None
+        if robot is None:
+            return
+        place = view.place_of(robot)
+        self._followed = _Followed(robot, place)
+        for client in self._server.get_clients().values():
+            # At first the robot comes to the middle, and then each camera moves as it does.
+            is_same_robot = before is not None and before.robot == robot
+            start = before.place if is_same_robot else np.array(client.camera.look_at)[:2]
+            position = np.array(client.camera.position, float)
+            position[:2] += place - start
+            client.camera.position = tuple(position)
 
     def _show_messages(self) -> None:
         """Show the latest errors in all browsers, each once, and the settings that they left."""
@@ -311,6 +344,27 @@ class Page:
         """Let a browser look at what is shown, all of it."""
         is_bench = self._panel.bench.root.visible
         aim(client.camera, self.session.scene, client.camera.aspect, is_low=is_bench)
+
+    def _let_robots_be_dragged(self) -> None:
+        """Move a robot of the present view to where somebody drags its hull or its front."""
+        for node in self._panel.view.nodes.values():
+            node.on_drag("left")(self._dragged)
+
+    def _dragged(self, event: Any) -> None:
+        """Put a robot where a drag ends; the place is the one on the floor behind the pointer."""
+        if event.phase != "end" or event.instance_index is None:
+            return
+        session = self.session
+        camera = np.array(event.client.camera.position, float)
+        ray = np.array(event.end_position, float) - camera
+        half_height = session.scene.height * shapes.MILLIMETRES / 2
+        place = _place_of_ray(camera, ray, half_height)
+        if place is None:
+            return
+        try:
+            self._panel.dragged(int(event.instance_index), *place)
+        except UserError as error:
+            session.messages.put(str(error))
 
     def _clicked(self, event: Any) -> None:
         """Act on a click on the arena; impossible rays hit nothing."""

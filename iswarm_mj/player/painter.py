@@ -17,12 +17,13 @@ from matplotlib.patches import Rectangle
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.frames import FIXED_AREAS
+from iswarm_mj.output.legend import ARROW_COLOURS
 from iswarm_mj.output.palette import BOX, FLOOR, SKY, Rgb, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.swarm_classes import LINK_CLASSES
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
-from iswarm_mj.player.view import ARROW_COLOURS, aim
+from iswarm_mj.player.view import aim
 
 _DPI = 100.0
 _FIELD_OF_VIEW_ABOVE = np.radians(30)
@@ -278,7 +279,7 @@ class Painter:
         """Draw the vectors that robots remember, as lines with heads."""
         for number, (name, ends) in enumerate(arrays.arrows(self.scene, after, now.centre).items()):
             if name in self.look.draw and len(ends):
-                colour = rgb(ARROW_COLOURS[number % len(ARROW_COLOURS)])
+                colour = ARROW_COLOURS[number % len(ARROW_COLOURS)]
                 self._stroke(ends, colour, 0.08 * self._length)
                 heads = self._camera.project(_heads(ends, 0.25 * self._length))
                 self._fill(heads, np.tile(colour, (len(heads), 1)))

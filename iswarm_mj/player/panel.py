@@ -1,28 +1,31 @@
 """The panel beside the swarm: buttons, controls of settings, plots, and the memory of a robot."""
 
 import math
+import time
 from collections.abc import Mapping
-from pathlib import Path
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.geometry.obstacles import Obstacle, distances, numbers
-from iswarm_mj.output.palette import BLUE
+from iswarm_mj.output.legend import LINKS, TRAILS
 from iswarm_mj.output.shapes import MILLIMETRES
 from iswarm_mj.player import scene
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.bench_settings import BenchSettings
-from iswarm_mj.player.changes import BALL, KILL, REVIVE
+from iswarm_mj.player.changes import BALL, FAIL, KILL, MOVE, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.inspection import describe_robot
+from iswarm_mj.player.plots import Plots
 from iswarm_mj.player.scenario import PageScenario
-from iswarm_mj.player.session import Session
+from iswarm_mj.player.session import Activity, Misfit, Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
+from iswarm_mj.player.sweeps import SweepFolder
 from iswarm_mj.player.view import SwarmView
-from iswarm_mj.player.widgets import AXIS, copyable, show, spots
+from iswarm_mj.player.widgets import copyable, save, show, spots
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
@@ -41,11 +44,24 @@ THEME = {"show_logo": False, "show_share_button": False}
 """Settings of viser's page."""
 FASTEST = 60
 """Largest number of control steps a second."""
-_PREPARING = "Preparing the first control step, which is compiled once for each number of robots."
+_DURATION = "Usually 10 to 30 s once, and a few seconds later on."
+"""How long a compilation takes."""
+_SHORT_S = 0.7
+"""Duration up to which what a session does is not worth a line [s]."""
 _BENCH_SIZE = 1 / 6
 """Size of the gripper's bench in edges of the arena, which the scene shows in its place."""
 _OBSTACLE_HALF_EDGE = 1.0
 """Half the edge of an obstacle that a click puts [rd]."""
+
+
+_FOLLOW = "The camera moves along with it."
+_ROBOT = "Click on a robot: here it shows what it knows, hears and says. Drag a robot to put it elsewhere."
+_DRAWN = {
+    LINKS: "Lines from each robot to the one that it hears.",
+    TRAILS: "The latest way of each robot that is loaded.",
+}
+_ARROWS = "Arrows to the place that each robot remembers."
+"""Explanations of what can be drawn."""
 
 
 class _ButtonLook(NamedTuple):
@@ -77,6 +93,7 @@ class Panel:
 
     Attributes:
         view: nodes of the swarm.
+        follows: all cameras move along with the selected robot.
         content: input that chooses what the scene shows, `SWARM` or `GRIPPER`.
         bench: bench of the gripper.
         speed: control steps a second that are wanted.
@@ -103,9 +120,6 @@ class Panel:
         self.view = SwarmView(server.scene, session.scene)
         self.click = SELECT
         self._ways_to_colour = (scene.STATE,)
-        self._plotted: tuple[int, int] | None = None
-        self._plots: dict[str, Any] = {}
-
         self._add_run_controls()
         tabs = gui.add_tab_group()
         with tabs.add_tab("Watch"):
@@ -113,16 +127,21 @@ class Panel:
         rules = tabs.add_tab("Rules")
         with rules:
             gui.add_markdown("These settings change at once.")
+            with gui.add_folder("Sweep one setting", expand_by_default=False):
+                self.sweeps = SweepFolder(gui, self._inputs, session)
         world = tabs.add_tab("World")
         with world:
             gui.add_markdown("These wait for **Reset**.")
         self._settings = SettingsTabs(gui, self._inputs, session, rules, world)
         self._shown_scenarios = (session.wanted, session.now)
         self._shown_parts = _names_of_parts(session.wanted)
-        self._pending: list[str] = []
+        self._pending: dict[str, str] = {}
+        self._shown_misfit: Misfit | None = None
         with tabs.add_tab("Robot"):
-            hint = "Click on a robot: here it shows what it knows, hears and says."
-            self._robot = gui.add_markdown(hint)
+            self.follows = False
+            follow = Control("follow the selected robot", "", False, text=_FOLLOW)
+            self._inputs.add(follow, lambda value: setattr(self, "follows", value))
+            self._robot = gui.add_markdown(_ROBOT)
         with tabs.add_tab("Gripper"):
             size = session.scene.arena_size * MILLIMETRES * _BENCH_SIZE
             self.bench = Bench(server, self._inputs, size, calibrations)
@@ -157,6 +176,15 @@ class Panel:
         inputs.add(speed, lambda value: setattr(self, "speed", float(value)))
         self._status = self._gui.add_markdown("")
 
+        # Only strategies and tasks of users' files can be read again.
+        self._file_controls = (
+            inputs.add_button("Reload code", lambda _: session.post(session.reload), icon="reload"),
+            inputs.add(
+                Control("reload by itself", "", False, text="Begin again when a file changes."),
+                lambda value: setattr(session, "reloads_by_itself", value),
+            ),
+        )
+
     def _add_watch_tab(self) -> None:
         """Add the choices of what is drawn, the legend, and the plots."""
         gui = self._gui
@@ -165,9 +193,6 @@ class Panel:
         def colour_by(way: str) -> None:
             self.view.colour_by = way
 
-        def toggle(name: str) -> None:
-            self.view.toggle(name)
-
         def set_click(effect: str) -> None:
             self.click = effect
 
@@ -175,11 +200,18 @@ class Panel:
             gui.configure_theme(dark_mode=is_dark, **THEME)
 
         self._colour = inputs.add(_choice("colour by", (scene.STATE,)), colour_by)
-        self._draws = inputs.add_buttons(_choice("draw", ("links", "trails")), toggle)
-        inputs.add(_choice("a click can", CLICK_EFFECTS), set_click)
-        inputs.add(Control("dark page", "", False), set_dark)
+        self._draw_folder = gui.add_folder("Draw")
+        self._draws: dict[str, Any] = {}
         self._legend = gui.add_html("")
-        self._plot_folder = gui.add_folder("Plots over control steps")
+        inputs.add(_choice("a click can", CLICK_EFFECTS), set_click)
+        with gui.add_folder("Failures", expand_by_default=False):
+            share = Control(
+                "share that fails", "", 0.1, limits=Within(0, 1), text="Share of the living robots."
+            )
+            self._failing_share = inputs.add(share)
+            inputs.add_button("Let them fail now", lambda _: self._let_fail(), icon="heart-broken")
+        self._plots = Plots(gui, inputs, self._session)
+        inputs.add(Control("dark page", "", False), set_dark)
 
     def _add_share_tab(self) -> None:
         """Add the command, the file and the recording."""
@@ -189,7 +221,7 @@ class Panel:
         self._command = gui.add_html("")
 
         def download(client: Any) -> None:
-            client.send_file_download("play.toml", session.toml().encode())
+            save(client, "play.toml", session.toml().encode())
 
         self._inputs.add_button("Save as TOML", download, icon="download")
 
@@ -224,6 +256,8 @@ class Panel:
         """Show the controls, the ways to colour and the plots of a run that begins."""
         session = self._session
         view = self.view
+        self._inputs.clear_notes()
+        self._shown_misfit = None
         self._settings.rebuild()
         self._settings.synchronise()
         snapshot = session.snapshots[-1]
@@ -231,13 +265,26 @@ class Panel:
         self._ways_to_colour = tuple(ways)
         self._inputs.offer(self._colour, self._ways_to_colour)
         view.colour_by = self._colour.value
-        self._inputs.offer(self._draws, ("links", "trails", *view.vectors))
+        self._offer_to_draw(view.drawable)
+        self._plots.rebuild()
+        self.sweeps.rebuild()
 
-        # Plots of another task; viser keeps each removal for ever.
-        if self._plots.keys() - session.lines.keys():
-            for plot in self._plots.values():
-                plot.remove()
-            self._plots = {}
+    def _offer_to_draw(self, names: tuple[str, ...]) -> None:
+        """Show a box to tick for each kind of lines and arrows that can be drawn."""
+        if tuple(self._draws) == names:
+            return
+        for handle in self._draws.values():
+            self._inputs.forget(handle)
+            handle.remove()
+        self._draws = {}
+        with self._draw_folder:
+            for name in names:
+                control = Control(name, "", name in self.view.shows, text=_DRAWN.get(name, _ARROWS))
+                self._draws[name] = self._inputs.add(control, partial(self._draw, name))
+
+    def _draw(self, name: str, is_drawn: bool) -> None:
+        """Draw lines or arrows from now on, or no longer."""
+        self.view.draw(name, is_drawn=is_drawn)
 
     def synchronise(self) -> None:
         """Show the values of the present settings, also where an input shows a refused one."""
@@ -269,6 +316,20 @@ class Panel:
         elif self.click == REMOVE and robot is not None:
             session.post(self._remove_robot)
 
+    def dragged(self, robot: int, x: float, y: float) -> None:
+        """Put a robot elsewhere.
+
+        Args:
+            robot: number of the robot.
+            x: place [mm].
+            y: place [mm].
+
+        Raises:
+            UserError: too many clicks wait.
+        """
+        session = self._session
+        session.post(lambda: session.change(MOVE, f"{robot},{x / RD:.3f},{y / RD:.3f}"))
+
     def _robot_near(self, x: float, y: float, radius: float) -> int | None:
         """Return the robot that is nearest to a place [mm]; None if it is farther than a radius."""
         positions = self._session.snapshots[-1].frames.pose[0, :, :2] * 1e3
@@ -281,6 +342,12 @@ class Panel:
         session = self._session
         obstacles = _with_obstacle_at(session.wanted.config.arena, x, y)
         session.want("arena.obstacles", obstacles)
+
+    def _let_fail(self) -> None:
+        """Let a share of the robots fail, which then only stand in the way."""
+        share = self._failing_share.value
+        session = self._session
+        session.post(lambda: session.change(FAIL, f"{share:g}"))
 
     def _kill_or_revive(self, robot: int) -> None:
         """Kill a robot, or revive it if it is dead."""
@@ -302,7 +369,11 @@ class Panel:
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
         session = self._session
+        if self._inputs.show_notes():
+            self.synchronise()
         self._show_settings()
+        for handle in self._file_controls:
+            show(handle, "visible", session.has_files)
         self._show_play_button()
         show(self._status, "content", self._describe_run())
         self._show_legend()
@@ -311,10 +382,8 @@ class Panel:
         if self._shown_recording != (session.is_recording, session.recording):
             self._show_recording()
         self._show_robot()
-        step = (session.version, session.step)
-        if step != self._plotted:
-            self._plotted = step
-            self._draw_plots()
+        self._plots.update()
+        self.sweeps.update()
 
     def _show_play_button(self) -> None:
         """Let the button say what a click on it does."""
@@ -331,7 +400,7 @@ class Panel:
         if view.colour_by not in self._ways_to_colour:  # chosen while another task came
             view.colour_by = self._ways_to_colour[0]
             show(self._colour, "value", view.colour_by)
-        legend = scene.legend(session.scene, view.colour_by, session.is_alive)
+        legend = scene.legend(session.scene, view.colour_by, view.shows, session.is_alive)
         show(self._legend, "content", spots(legend))
 
     def _show_robot(self) -> None:
@@ -367,26 +436,46 @@ class Panel:
             self._shown_parts = parts
             self._settings.synchronise()
 
+        self._show_misfit()
         self._pending = self._session.pending
         obstacles_wait = "obstacles" in self._pending
         self.view.draw_planned(wanted.config.arena.obstacles if obstacles_wait else ())
 
+    def _show_misfit(self) -> None:
+        """Say beneath a task, strategy or engine why it does not fit yet, or no longer say so."""
+        misfit = self._session.misfit
+        if misfit == self._shown_misfit:
+            return
+        self._shown_misfit = misfit
+        if misfit is None:
+            self._inputs.clear_notes()
+        else:
+            self._settings.note(*misfit)
+
     def _describe_run(self) -> str:
         """Return what the run is and what it waits for, in Markdown."""
         session = self._session
-        task = Path(session.now.get("task")).name
-        strategy = Path(session.now.get("strategy")).name
+        now = session.now
         n_robots = session.run.settings.n_robots
-        lines = [f"**step {session.step}** · {n_robots} robots · {task}, {strategy}"]
+        parts = f"{now.task_label}, {now.strategy_label}"
+        lines = [f"**step {session.step}** · {n_robots} robots · {parts}"]
         is_rate_known = math.isfinite(session.rate)
-        if session.is_busy and not is_rate_known:
-            lines.append(_PREPARING)
-        elif is_rate_known:
+        if is_rate_known:
             lines[0] += f" · up to {session.rate:.0f} steps/s"
+        lines += describe_activity(session.activity)
         if session.run.is_over:
             lines.append("Nothing is left to do.")
+        if session.changed_files:
+            listed = ", ".join(session.changed_files)
+            lines.append(f"**{listed}** changed on disk: **Reset** reads it again.")
+        if session.file_error:
+            lines.append(f"**Error:** {session.file_error}.")
         if self._pending:
-            lines.append(f"**Reset** applies: {', '.join(self._pending)}.")
+            changes = "; ".join(f"{label} {text}" for label, text in self._pending.items())
+            lines.append(f"**Reset** applies: {changes}.")
+        if session.misfit:
+            name, sentence = session.misfit
+            lines.append(f"The **{name}** goes on waiting, as it does not fit yet: {sentence}.")
         return "\n\n".join(lines)
 
     def _show_command(self) -> None:
@@ -400,30 +489,15 @@ class Panel:
         show(self._repeats, "content", text)
         show(self._command, "content", command)
 
-    def _draw_plots(self) -> None:
-        """Plot each metric over the control steps, once there are two."""
-        lines = self._session.lines
-        steps = np.array(lines.pop("step"))
-        for name, values in lines.items():
-            data = (steps, np.array(values))
-            if name in self._plots:
-                self._plots[name].data = data
-            elif len(steps) > 1:
-                with self._plot_folder:
-                    self._plots[name] = self._add_plot(name, data)
 
-    def _add_plot(self, name: str, data: tuple[np.ndarray, np.ndarray]) -> Any:
-        """Add the plot of a metric, without a legend."""
-        line = {"label": name, "stroke": BLUE, "width": 2, "points": {"show": False}}
-        return self._gui.add_uplot(
-            data,
-            ({"label": "step"}, line),
-            title=name.replace("_", " "),
-            scales={"x": {"time": False}},
-            legend={"show": False},
-            axes=(AXIS, AXIS),
-            height=130,
-        )
+def describe_activity(activity: Activity | None) -> list[str]:
+    """Return what a session prepares and for how long, in Markdown; empty for what is short."""
+    if activity is None:
+        return []
+    seconds = time.monotonic() - activity.began
+    if seconds < _SHORT_S:
+        return []
+    return [f"**Preparing** {activity.text}, since {seconds:.0f} s. {_DURATION}"]
 
 
 def _names_of_parts(scenario: PageScenario) -> tuple[str, ...]:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from iswarm_mj.output.legend import Group
 from iswarm_mj.output.loading import SavedRun
-from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.filming import check_names, frames_of
@@ -36,7 +36,7 @@ class SwarmFilm(NamedTuple):
 
     draw: Draw
     """Draws the first recorded world."""
-    legend: list[tuple[str, Rgb]]
+    legend: list[Group]
     """Labels and colours."""
     last: int
     """Last control step that is shown."""
@@ -70,7 +70,7 @@ def swarm_film(run: SavedRun, film: Film) -> SwarmFilm:
             yield 1 / (film.speed * pictures_per_step)
 
     is_alive = frames[film.first : last + 1].is_alive
-    return SwarmFilm(draw, legend(scene, film.colour_by, is_alive), last)
+    return SwarmFilm(draw, legend(scene, film.colour_by, film.draw, is_alive), last)
 
 
 def _last_step(film: Film, end: int) -> int:
@@ -104,7 +104,7 @@ def serialized(draw: Draw) -> Any:
         close_server(server)
 
 
-def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, *, dark: bool = False) -> str:
+def page(draw: Draw, legend: list[Group], title: str, *, dark: bool = False) -> str:
     """Return the HTML of a replay."""
     ink, paper = ("#eee", "#1e1e1e") if dark else ("#222", "#fff")
     about = f"""<style>

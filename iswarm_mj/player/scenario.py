@@ -2,11 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import Any, Self
 
-from iswarm_mj.config.setting_names import canonical_name
+from iswarm_mj.config.setting_names import canonical_name, names_of
 from iswarm_mj.engines.registry import find_engine
-from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.run import Run, check_scenario
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.scenario_flags import (
     engine_name,
@@ -17,7 +18,9 @@ from iswarm_mj.simulation.scenario_flags import (
     task_name,
     value_at,
 )
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.user_code import user_code
 
@@ -63,13 +66,28 @@ class PageScenario(Scenario):
         """
         return Run(replace(self, steps=MOST_STEPS, engine=self.engine.in_chunks(1)))
 
+    def check(self) -> None:
+        """Check that a run could begin with these settings.
+
+        Raises:
+            UserError: settings that do not fit each other.
+        """
+        check_scenario(replace(self, steps=MOST_STEPS, engine=self.engine.in_chunks(1)))
+
     def paths(self) -> dict[str, tuple[str, ...]]:
         """Return the path of attributes to each setting that is a field of a part, by its name.
 
         The name `task.range` has the path ("task", "range"); the plain name `range` stands in its
-        place where no other part has a field of this name.
+        place where no other part has a field of this name. Fields of teams are called
+        `TEAM.FIELD`, and their paths are ("strategy", TEAM, FIELD).
         """
-        return paths_of(self)
+        paths = paths_of(self)
+        if isinstance(self.strategy, Teams):
+            for team in self.strategy.teams:
+                for name in names_of(team.strategy):
+                    # A team may have the name of a group of the configuration.
+                    paths.setdefault(f"{team.name}.{name}", ("strategy", team.name, name))
+        return paths
 
     def path_of(self, name: str) -> tuple[str, ...]:
         """Return the path of attributes to a setting of a part by any of its names.
@@ -94,8 +112,11 @@ class PageScenario(Scenario):
         return canonical_name(name, parts_of(self))
 
     def at(self, path: Iterable[str]) -> Any:
-        """Return the value at a path of attributes; None where there is none."""
-        return value_at(self, path)
+        """Return the value at a path of `paths`, or of a part of one; None where there is none."""
+        names = tuple(path)
+        if names[:1] == ("strategy",) and names[1:] and isinstance(self.strategy, Teams):
+            return value_at(self.strategy.strategy_of(names[1]), names[2:])
+        return value_at(self, names)
 
     def get(self, name: str) -> Any:
         """Return the value of a setting."""
@@ -130,7 +151,33 @@ class PageScenario(Scenario):
         if self.genome and path == ("strategy", "density_of_robots"):
             before = replace(self, robots=None)  # which would outweigh the density
         with user_code(type(self.at(path[:-1])).__name__):
+            if path[0] == "strategy" and isinstance(before.strategy, Teams):
+                _, team, field_name = path
+                strategy = replace(before.strategy.strategy_of(team), **{field_name: value})
+                return replace(before, strategy=before.strategy.with_strategy(team, strategy))
             return _with_value(before, path, value)
+
+    @property
+    def density(self) -> float:
+        """Robots per cell of the free floor, from which their number follows by default."""
+        return (self.genome or TYPE1).density_of_robots
+
+    @property
+    def strategy_label(self) -> str:
+        """Short name of the strategy, or names and shares of teams."""
+        if not isinstance(self.strategy, Teams):
+            return Path(self.get("strategy")).name
+        shares = []
+        for team in self.strategy.teams:
+            is_number = isinstance(team.share, int)
+            share = f"{team.share} robots" if is_number else f"{100 * team.share:g} %"
+            shares.append(f"{team.name} {share}")
+        return " and ".join(shares)
+
+    @property
+    def task_label(self) -> str:
+        """Short name of the task."""
+        return Path(self.get("task")).name
 
     def with_part(self, name: str, other: Scenario) -> Self:
         """Return this scenario with the strategy, the task or the engine of another one."""

@@ -1,6 +1,6 @@
 """Arrays in millimetres that pages and replays draw: robots, balls and lines between two steps."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float, Int8, UInt8
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.frames import FIXED_AREAS
+from iswarm_mj.output.legend import Entry, Group, groups
 from iswarm_mj.output.memory_vectors import (
     hop_colours,
     hop_counts,
@@ -15,16 +16,14 @@ from iswarm_mj.output.memory_vectors import (
     recorded_vectors,
 )
 from iswarm_mj.output.message_columns import shown_fields
-from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.output.swarm_classes import BALL_CLASSES, robot_classes, shown_classes
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, DEAD, robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, Scene
 
 STATE = "state"
 ENERGY = "energy"
+HOPS = "hops to "
 """Ways to colour robots; others are `hops to NAME`, `says NAME` and `remembers NAME`."""
-DEAD: Rgb = (70, 70, 70)
-"""Colour of dead robots."""
 _TOP = 15
 """Hop count whose colour is the brightest."""
 _HELD = 1
@@ -146,7 +145,7 @@ def colour_values(
     values = {}
     for vector in recorded_vectors(scene.memory):
         if vector.hop in scene.memory_names:
-            values[f"hops to {vector.stem}"] = hop_counts(frames, vector)[0]
+            values[f"{HOPS}{vector.stem}"] = hop_counts(frames, vector)[0]
     for name, field in shown_fields(scene, frames.message).items():
         values[f"says {name.removeprefix('said_')}"] = _scaled(field[0])
     for name in names_without_vectors(scene):
@@ -195,7 +194,7 @@ def colours(
         values = colour_values(scene, frames, energy)[by]
         living = _colours_of_hops(np.rint(values).astype(np.int8))
     is_alive = frames.is_alive[0, :, None]
-    return np.where(is_alive, living, np.array(DEAD, np.uint8))
+    return np.where(is_alive, living, np.array(DEAD.colour, np.uint8))
 
 
 def _colours_of_hops(hops: Int8[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
@@ -204,32 +203,29 @@ def _colours_of_hops(hops: Int8[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
     return np.stack([rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255], axis=-1).astype(np.uint8)
 
 
-def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "..."]) -> list[tuple[str, Rgb]]:
-    """Return what the colours mean: labels and colours of robots and balls.
+def legend(
+    scene: Scene, by: str, drawn: Collection[str], is_alive: Bool[np.ndarray, "..."]
+) -> list[Group]:
+    """Return what the colours mean, see `output.legend`.
 
     Args:
         scene: constants of the world.
         by: one of `ways_to_colour`.
+        drawn: names of the lines and arrows that are drawn.
         is_alive: robots in one or several control steps; dead ones have an entry.
     """
-    entries: list[tuple[str, Rgb]] = []
-    if by == STATE:
-        entries += [(label, colour) for _, label, colour in shown_classes(scene)]
-    else:
-        entries += _spectrum()
-    if not np.all(is_alive):
-        entries.append(("dead", DEAD))
-    if len(scene.ball_radius):
-        entries += [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES]
-    return entries
+    robots = None if by == STATE else _spectrum(by)
+    return groups(scene, drawn, robots, has_dead=not np.all(is_alive))
 
 
-def _spectrum() -> list[tuple[str, Rgb]]:
-    """Return labels and colours of some hop counts, also of other numbers from 0 to 15."""
-    labels = {-1: "none", 0: "0 or least", 5: "", 10: "", 15: "15 or most"}
+def _spectrum(by: str) -> list[Entry]:
+    """Return labels and colours of some values of what colours robots."""
+    labels = {0: "least of all robots", 5: "", 10: "", _TOP: "most of all robots"}
+    if by.startswith(HOPS):
+        labels = {-1: "unknown", 0: "0 hops", 5: "5", 10: "10", _TOP: f"{_TOP} hops or more"}
     colours_of_hops = _colours_of_hops(np.array([*labels], np.int8))
-    entries: list[tuple[str, Rgb]] = []
+    entries = []
     for label, colour in zip(labels.values(), colours_of_hops.tolist(), strict=True):
         red, green, blue = colour
-        entries.append((label, (red, green, blue)))
+        entries.append(Entry(label, (red, green, blue)))
     return entries

@@ -5,7 +5,8 @@ import itertools
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
@@ -16,21 +17,31 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from iswarm_mj.config.setting_names import PARTS
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.player.changes import EDITS, Change, edit
-from iswarm_mj.player.controls import Control, controls, may_change_at_once, parsed
+from iswarm_mj.player.controls import (
+    Control,
+    controls,
+    in_page_units,
+    may_change_at_once,
+    parsed,
+)
 from iswarm_mj.player.faults import Faults
 from iswarm_mj.player.inbox import Inbox
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.scene import areas_differ
+from iswarm_mj.player.user_files import renewed, stamps_of
 from iswarm_mj.simulation.scenario_flags import command_line, is_same, toml
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import Recorder
 
+LOOK_S = 0.5
+"""Time between two looks at users' files [s]."""
 AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
 MOST_PLOTTED = 4000
@@ -61,6 +72,24 @@ class Snapshot(NamedTuple):
         return np.asarray(energy)[0, 0]
 
 
+class Activity(NamedTuple):
+    """What a session does at present."""
+
+    text: str
+    """What is done, as an object of "Preparing"."""
+    began: float
+    """When it began, by the clock `time.monotonic` [s]."""
+
+
+class Misfit(NamedTuple):
+    """Task, strategy or engine that waits until other settings let a run begin with it."""
+
+    name: str
+    """Name of the setting, such as `task`."""
+    sentence: str
+    """Why no run can begin so."""
+
+
 class Session:
     """A run, the changes made in it, and a picture of its latest control steps.
 
@@ -70,10 +99,11 @@ class Session:
         start: scenario with which the run began.
         now: scenario with the settings that were changed since.
         wanted: scenario with those, too, that wait for a reset.
+        misfit: why a run cannot begin with `wanted` yet; None where it can.
         changes: changes of this run so far, in their order.
         waiting: changes that are still to be made.
         is_playing: control steps are taken one after the other.
-        is_busy: something is computed at present.
+        activity: what is computed at present; None where nothing is.
         shown: control step that is shown at present; infinite where nobody watches.
         snapshots: latest control steps.
         version: number of runs so far, one more after each reset.
@@ -81,7 +111,12 @@ class Session:
         rate: control steps a second that could be computed; infinite until two were.
         faults: exceptions that were shown.
         inbox: work that browsers asked for.
+        out: directory for recordings and sweeps.
         recording: latest file for Rerun; None before the first one.
+        has_files: the strategy or the task that waits for a reset is of a user's file.
+        changed_files: names of these files that have changed since they were read.
+        file_error: why the present content of such a file cannot be used; empty if it can.
+        reloads_by_itself: the run begins again whenever such a file changes.
         lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
@@ -103,12 +138,15 @@ class Session:
         """
         _check_changes(scenario, changes)
         self._initial = scenario
-        self._out = out
+        self.out = out
         self.wanted = scenario
+        self.misfit: Misfit | None = None
+        self._fitting = scenario
+        self._refused: PageScenario | None = None
         self.waiting = sorted(changes, key=lambda change: change.step)
         self.version = 0
         self.is_playing = False
-        self.is_busy = False
+        self.activity: Activity | None = None
         self.shown = math.inf
         self.rate = math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()
@@ -119,6 +157,11 @@ class Session:
         self._n_recordings = 0
         self._recorder: Recorder | None = None
         self._recording_lock = Lock()
+        self.changed_files: list[str] = []
+        self.file_error = ""
+        self.reloads_by_itself = False
+        self._stamps = stamps_of(scenario)
+        self._looked_at = time.monotonic()
         self._begin(scenario)
         for change in self.waiting:
             if change.name in EDITS:
@@ -134,12 +177,14 @@ class Session:
             self.start = scenario
             self.now = scenario
             self.wanted = scenario
+            self.misfit = None
             self.changes: list[Change] = []
             self.run = run
             self.world = world
             self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
             self._points: deque[dict[str, float]] = deque(maxlen=MOST_PLOTTED)
             self.version += 1
+            self.rate = math.inf
             self._laps: deque[float] = deque(maxlen=9)
             self.faults.forget()
             self._append(frames, run.start)
@@ -195,9 +240,12 @@ class Session:
                 worked = True
 
         # Nothing has happened yet: settings need not wait for a reset.
-        if not self.step and not is_same(self.wanted, self.start):
+        next_start = self._next_start
+        is_new = not is_same(next_start, self.start) and next_start is not self._refused
+        if not self.step and is_new:
             self._succeeds(self.reset)
 
+        self._look_at_files()
         self.is_playing &= not self.run.is_over
         if self.is_playing and self.step - self.shown < AHEAD:
             if not self._succeeds(self.advance):
@@ -205,20 +253,89 @@ class Session:
             worked = True
         return worked
 
+    @property
+    def _next_start(self) -> PageScenario:
+        """What waits for a reset, as far as a run can begin with it."""
+        return self._fitting if self.misfit else self.wanted
+
+    @property
+    def has_files(self) -> bool:
+        """The strategy or the task that waits for a reset is of a user's file."""
+        return bool(self._stamps)
+
+    def _look_at_files(self) -> None:
+        """Notice users' files that have changed, twice a second; read them if this is wished."""
+        if time.monotonic() - self._looked_at < LOOK_S:
+            return
+        self._looked_at = time.monotonic()
+        now = stamps_of(self.wanted)
+        self._stamps = {path: self._stamps.get(path, stamp) for path, stamp in now.items()}
+        self.changed_files = [path.name for path in now if now[path] != self._stamps[path]]
+        if self.changed_files and self.reloads_by_itself:
+            self._succeeds(self.reload)
+
+    def reload(self) -> None:
+        """Read the files of strategy and task again, and begin again with what they have now.
+
+        Raises:
+            UserError: no part is of a file, or a file has an error; then the run goes on.
+        """
+        if not self.has_files:
+            raise UserError(
+                "strategy and task are of no file; name one, as --strategy walk.py:Walk"
+            )
+        if self._takes_new_code():
+            self.reset()
+
+    def _takes_new_code(self) -> bool:
+        """Let what waits have the code that its files have now; return whether it could.
+
+        An error of a file is shown, and the old code goes on.
+        """
+        now = stamps_of(self.wanted)
+        if now.items() <= self._stamps.items() and not self.file_error:
+            return True
+        self._stamps = now
+        self.changed_files = []
+        try:
+            next_start = renewed(self._next_start)
+            next_start.check()
+        except UserError as error:
+            self.file_error = f"{error}; the old code goes on"
+            self.messages.put(self.file_error)
+            return False
+        self.file_error = ""
+        for part in ("strategy", "task"):
+            if next_start.get(part) == self._initial.get(part):
+                self._initial = self._initial.with_part(part, next_start)
+        if self.misfit:
+            self._fitting = next_start
+        else:
+            self.wanted = next_start
+        return True
+
     def _succeeds(self, call: Callable[[], None]) -> bool:
         """Return whether a call raised no exception; whoever plays sees those it raises."""
-        self.is_busy = True
         try:
-            call()
+            with self._doing("the change"):
+                call()
         except UserError as error:
             self.messages.put(str(error))
         except (Exception, SystemExit) as error:
             self.fail(error)
         else:
             return True
-        finally:
-            self.is_busy = False
         return False
+
+    @contextmanager
+    def _doing(self, text: str) -> Iterator[None]:
+        """State what is done within the block, see `Activity`."""
+        before = self.activity
+        self.activity = Activity(text, time.monotonic())
+        try:
+            yield
+        finally:
+            self.activity = before
 
     def fail(self, error: BaseException) -> None:
         """Pause, and show an exception to whoever plays; the next reset begins anew."""
@@ -234,7 +351,8 @@ class Session:
             self.change(due.name, due.value)
 
         began = time.perf_counter()
-        record = self.run.advance()
+        with self._doing(f"the next step: {self._program} is compiled"):
+            record = self.run.advance()
         duration = time.perf_counter() - began
         if self.step:  # the first step compiles
             self._laps.append(duration)
@@ -248,21 +366,37 @@ class Session:
         for fault in self.run.faults:
             self.messages.put(str(fault))
 
+    @property
+    def _program(self) -> str:
+        """Name of what is compiled for a run."""
+        now = self.now
+        engine = now.get("engine")
+        parts = f"{now.strategy_label} on {now.task_label}"
+        return f"{parts} for {now.n_robots} robots with the engine {engine}"
+
     def reset(self) -> None:
-        """Begin again with the wanted settings.
+        """Begin again with the wanted settings, and with users' files as they are now.
+
+        A misfit goes on waiting.
 
         Raises:
-            UserError: they do not fit each other; the present run goes on, with its settings.
+            UserError: no run can begin so; the present one goes on, and all settings go on waiting.
         """
-        wanted = self.wanted
-        self.wanted = self.now  # unless the reset succeeds
-        self.rate = math.inf
+        self._takes_new_code()
+        wanted = self._next_start
+        self._refused = wanted  # unless the reset succeeds
+        wanted.check()
         is_other_program = not is_same(replace(wanted, seed=self.now.seed), self.now)
         if self.step and is_other_program:
             # JAX keeps each program for ever, 50 MB for each number of robots; the
             # cache on disk still has those that come back.
             jax.clear_caches()
-        self._begin(wanted)
+        still_waiting = (self.wanted, self.misfit)
+        with self._doing(f"a run of {wanted.n_robots} robots"):
+            self._begin(wanted)
+        self._refused = None
+        if still_waiting[1]:
+            self.wanted, self.misfit = still_waiting
         self.waiting = []
 
     def controls(self) -> list[Control]:
@@ -283,20 +417,29 @@ class Session:
         return rules + waiting
 
     @property
-    def pending(self) -> list[str]:
-        """Labels of what the next reset changes."""
+    def pending(self) -> dict[str, str]:
+        """What the next reset changes: old and new value by the label of the setting."""
         now = self.now  # once, as another thread replaces both
         wanted = self.wanted
         present = {control.name: control.value for control in controls(now)}
-        labels = []
-        for control in controls(wanted):
+        texts = {}
+        for control in map(in_page_units, controls(wanted)):
             name = now.shared_name(control.name, wanted)
-            is_shared = name is not None  # not all settings of another strategy
-            if is_shared and not is_same(control.value, present.get(name)):
-                labels.append(control.label)
+            if name is None or name not in present:  # of another strategy or task
+                continue
+            before = control.of_page(present[name])
+            if not is_same(control.value, before):
+                texts[control.label] = (
+                    f"{control.text_of(before)} → {control.text_of(control.value)}"
+                )
+        if wanted.n_robots != now.n_robots and wanted.robots is None:
+            texts["robots"] += (
+                f", as robots stand on {100 * wanted.density:.3g} % of the free floor"
+            )
         if wanted.config.arena.obstacles != now.config.arena.obstacles:
-            labels.append("obstacles")
-        return labels
+            n_before = len(now.config.arena.obstacles)
+            texts["obstacles"] = f"{n_before} → {len(wanted.config.arena.obstacles)}"
+        return texts
 
     def set(self, name: str, value: Any) -> None:
         """Change a setting of what runs at once if possible, else from the next reset on.
@@ -321,11 +464,39 @@ class Session:
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.
         """
-        is_part = name in ("strategy", "task", "engine")
+        is_part = name in PARTS
         if is_part and value == self._initial.get(name):
-            self.wanted = self.wanted.with_part(name, self._initial)
+            wanted = self.wanted.with_part(name, self._initial)
         else:
-            self.wanted = self.wanted.set(name, value)
+            wanted = self.wanted.set(name, value)
+        self._keep(wanted, name, is_part=is_part)
+
+    def _keep(self, wanted: PageScenario, name: str, *, is_part: bool) -> None:
+        """Let settings wait for a reset, if a run can begin with them.
+
+        Another task, strategy or engine waits also if it does not fit the other settings, since its
+        own can only be changed once it is chosen.
+
+        Args:
+            wanted: settings.
+            name: the setting that is new.
+            is_part: it is a task, strategy or engine.
+
+        Raises:
+            UserError: no run can begin with them.
+        """
+        try:
+            wanted.check()
+        except UserError as error:
+            if not (is_part or self.misfit):
+                raise
+            if self.misfit is None:
+                self._fitting = self.wanted
+            part = name if is_part or self.misfit is None else self.misfit.name
+            self.misfit = Misfit(part, str(error))
+        else:
+            self.misfit = None
+        self.wanted = wanted
 
     def change(self, name: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball.
@@ -341,33 +512,34 @@ class Session:
             name = self.now.canonical_name(name)
         change = Change(self.step, name, value)
         if name in EDITS:
-            self.run.edit(edit(self.run, change))
-            self._show_deaths()
+            edit(self.run, change)()
+            self._show_edit()
         else:
             self._change_setting(name, value)
             # A setting that changes again before the next step had no effect in between.
             self.changes = [each for each in self.changes if each[:2] != change[:2]]
         self.changes.append(change)
 
-    def _show_deaths(self) -> None:
-        """Let the latest snapshot have the robots that are alive now."""
+    def _show_edit(self) -> None:
+        """Let the latest snapshot have the robots that are alive now, where they are now."""
         _, state = self.run.arrays()
-        is_alive = np.asarray(state.swarm.is_alive)[:1]
         latest = self.snapshots[-1]
-        self.snapshots[-1] = latest._replace(frames=replace(latest.frames, is_alive=is_alive))
+        pose = self.run.poses()[:1].astype(latest.frames.pose.dtype)
+        is_alive = np.asarray(state.swarm.is_alive)[:1]
+        frames = replace(latest.frames, is_alive=is_alive, pose=pose)
+        self.snapshots[-1] = latest._replace(frames=frames)
 
     def _change_setting(self, name: str, text: str) -> None:
         """Change a setting of the run, and of what waits if that has it, too; both or none."""
         config_before = self.now.config
         now = self.now.set(name, parsed(self.now, name, text))
-        wanted = self.wanted
-        name_in_wanted = wanted.shared_name(name, now)
-        if name_in_wanted is not None:
-            wanted = wanted.set(name_in_wanted, now.get(name))
+        wanted = _with_rule_of(now, self.wanted, name)
+        fitting = _with_rule_of(now, self._next_start, name)
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
         self.now = now
         self.wanted = wanted
+        self._fitting = fitting
         if task is not None or now.config != config_before:
             self._follow_areas()
 
@@ -441,7 +613,7 @@ class Session:
         if self._n_recordings >= MOST_RECORDINGS:
             limit = f"this page has made {MOST_RECORDINGS} recordings, as many as it can"
             raise UserError(f"{limit}; start another page")
-        self._out.mkdir(parents=True, exist_ok=True)
+        self.out.mkdir(parents=True, exist_ok=True)
         numbers = itertools.count(1)
         path = next(path for path in map(self._recording_path, numbers) if not path.exists())
 
@@ -454,7 +626,7 @@ class Session:
 
     def _recording_path(self, number: int) -> Path:
         """Return the path of a recording by its number."""
-        return self._out / f"play-{number}.rrd"
+        return self.out / f"play-{number}.rrd"
 
     def stop_recording(self) -> None:
         """Complete the file; any thread may do so, also while a control step is computed.
@@ -478,3 +650,15 @@ def _check_changes(scenario: PageScenario, changes: Sequence[Change]) -> None:
         if change.name not in EDITS:
             name = scenario.canonical_name(change.name)
             scenario = scenario.set(name, parsed(scenario, name, change.value))
+
+
+def _with_rule_of(now: PageScenario, other: PageScenario, name: str) -> PageScenario:
+    """Return another scenario with a rule of the present one, if it has that rule.
+
+    Args:
+        now: scenario with the rule.
+        other: scenario that may have it, too.
+        name: name of the rule in `now`.
+    """
+    own_name = other.shared_name(name, now)
+    return other if own_name is None else other.set(own_name, now.get(name))

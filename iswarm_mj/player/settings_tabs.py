@@ -8,6 +8,7 @@ from iswarm_mj.player.controls import Control, in_page_units
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.widgets import show
+from iswarm_mj.utils.errors import UserError
 
 _OPEN = ("Rules of", "World", "Task")
 """Beginnings of the names of folders that are open at first."""
@@ -75,6 +76,12 @@ class SettingsTabs:
                 if control.name in folder.inputs:
                     show(folder.inputs[control.name], "value", control.value)
 
+    def note(self, name: str, sentence: str) -> None:
+        """Show a sentence beneath the input of a setting that waits."""
+        for key, folder in self._folders.items():
+            if not key.is_live and name in folder.inputs:
+                self._inputs.refuse(folder.inputs[name], UserError(sentence))
+
     def _remove(self, key: _FolderKey) -> None:
         """Remove a folder and its inputs."""
         folder = self._folders.pop(key)
@@ -93,17 +100,25 @@ class SettingsTabs:
         folder = _Folder(controls, handle)
         with handle:
             for control in controls:
-                folder.inputs[control.name] = self._inputs.add(
-                    control, partial(self._move, control)
-                )
+                move = partial(self._move, folder, control)
+                folder.inputs[control.name] = self._inputs.add(control, move)
         self._folders[key] = folder
 
-    def _move(self, control: Control, value: Any) -> None:
-        """Let the session change a setting, of what runs or of what waits."""
-        change = self._session.set if control.is_live else self._session.want
+    def _move(self, folder: _Folder, control: Control, value: Any) -> None:
+        """Let the session change a setting, of what runs or of what waits.
+
+        What the session refuses stands beneath the input, which shows its old value again.
+        """
+        set_or_want = self._session.set if control.is_live else self._session.want
         tab = "rules" if control.is_live else "world"
-        setting = control.of_setting(value)
-        self._session.post(lambda: change(control.name, setting), control=f"{tab} {control.name}")
+
+        def change() -> None:
+            try:
+                set_or_want(control.name, control.of_setting(value))
+            except UserError as error:
+                self._inputs.refuse(folder.inputs[control.name], error)
+
+        self._session.post(change, control=f"{tab} {control.name}")
 
     def _grouped(self) -> dict[_FolderKey, list[Control]]:
         """Return the controls of each folder, in the units of the page."""

@@ -4,20 +4,17 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from iswarm_mj.output.frames import FIXED_AREAS
+from iswarm_mj.output.legend import BALLS
 from iswarm_mj.output.loading import SavedRun
-from iswarm_mj.output.memory_vectors import recorded_vectors
-from iswarm_mj.output.palette import SKY, Rgb, rgb
+from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
-from iswarm_mj.output.shapes import TRAIL_FRAMES, arena_boxes
-from iswarm_mj.output.swarm_classes import LINK_CLASSES
+from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC, Arrays, Scene
 from iswarm_mj.output.video import SUFFIXES, Clip, Picture, encode
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.filming import check_names, frames_of
 from iswarm_mj.player.painter import Look, Painter
 from iswarm_mj.player.scene import legend
-from iswarm_mj.player.view import ARROW_COLOURS
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -97,22 +94,10 @@ def video_legend(scene: Scene, film: Film, shown: Frames) -> list[tuple[str, Rgb
         film: what is shown, and how.
         shown: frames that are shown.
     """
-    entries: list[tuple[str, Rgb | None]] = [*legend(scene, film.colour_by, shown.is_alive)]
-    if "links" in film.draw:
-        (_, damaged, pink), (_, heard, grey) = LINK_CLASSES
-        entries.append((f"link, {heard}", grey))
-        if (shown.link_valid & ~shown.link_heard).any():
-            entries.append((f"link, {damaged}", pink))
-    if "trails" in film.draw:
-        entries.append(("trail", rgb(SKY)))
-    for number, vector in enumerate(recorded_vectors(scene.memory)):
-        if vector.stem in film.draw:
-            colour = rgb(ARROW_COLOURS[number % len(ARROW_COLOURS)])
-            entries.append((f"remembers {vector.stem}", colour))
-    for boxes in arena_boxes(scene):
-        if boxes.name in FIXED_AREAS:
-            entries.append((boxes.name.replace("_", " "), rgb(boxes.colour)))
-    entries += zip(scene.area_names, scene.area_colours, strict=True)
+    entries: list[tuple[str, Rgb | None]] = []
+    for heading, colours in legend(scene, film.colour_by, film.draw, shown.is_alive):
+        kind = "ball " if heading == BALLS else ""
+        entries += [(f"{kind}{label}", colour) for label, colour in colours]
     if len(scene.ball_radius):
         entries.append(("balls are drawn enlarged", None))
     return entries

@@ -9,8 +9,9 @@ from jaxtyping import Float
 
 from iswarm_mj.geometry.obstacles import Obstacle
 from iswarm_mj.output import shapes
+from iswarm_mj.output.legend import ARROW_COLOURS, LINKS, TRAILS
 from iswarm_mj.output.memory_vectors import recorded_vectors
-from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
+from iswarm_mj.output.palette import BOX, FLOOR, PINK, SKY, WALL, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
@@ -20,8 +21,6 @@ from iswarm_mj.utils.units import RD
 _ROOT = "/swarm"
 _GREY = (95, 95, 105)
 _RING_COLOUR = (20, 20, 20)
-ARROW_COLOURS = (SKY, YELLOW, GREEN, PINK)
-"""Colours of the arrows, one for each remembered vector in turn."""
 _NO_LINE = np.zeros((1, 2, 3), np.float32)
 """A line of no length, which hides a node, since a node cannot have no lines."""
 _AREA_HEIGHT = 1.5 * shapes.SHEET
@@ -60,7 +59,7 @@ class SwarmView:
         """
         self.scene = scene
         self.colour_by = arrays.STATE
-        self.shows = {"links"}
+        self.shows = {LINKS}
         self.selected: int | None = None
         self.is_coarse = False
         self._drawn = drawn
@@ -137,7 +136,7 @@ class SwarmView:
         """Add nodes for the arrows of each vector that robots remember."""
         nodes = {}
         for k, vector in enumerate(recorded_vectors(self.scene.memory)):
-            colour = np.array(rgb(ARROW_COLOURS[k % len(ARROW_COLOURS)]), np.uint8)
+            colour = np.array(ARROW_COLOURS[k % len(ARROW_COLOURS)], np.uint8)
             nodes[vector.stem] = self._drawn.add_arrows(
                 f"{_ROOT}/{vector.stem}",
                 _NO_LINE,
@@ -213,13 +212,17 @@ class SwarmView:
                 )
 
     @property
-    def vectors(self) -> list[str]:
-        """Names of the vectors that can be drawn."""
-        return list(self._arrows)
+    def drawable(self) -> tuple[str, ...]:
+        """Names of the lines and arrows that can be drawn."""
+        return (LINKS, TRAILS, *self._arrows)
 
-    def toggle(self, name: str) -> None:
-        """Draw what was not drawn, or no longer what was."""
-        self.shows = self.shows ^ {name}
+    def draw(self, name: str, *, is_drawn: bool) -> None:
+        """Draw lines or arrows from now on, or no longer."""
+        self.shows = self.shows | {name} if is_drawn else self.shows - {name}
+
+    def place_of(self, robot: int) -> Float[np.ndarray, "2"]:
+        """Return where a robot is drawn: x, y [mm]."""
+        return np.array(self.nodes["robots"].batched_positions[robot, :2])
 
     def draw_planned(self, obstacles: Sequence[Obstacle]) -> None:
         """Draw obstacles that wait for a reset, as shadows of themselves."""
@@ -270,13 +273,13 @@ class SwarmView:
     def _draw_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
         """Draw links and trails."""
         lines = {name: _NO_LINE for name in self._lines}
-        if "links" in self.shows:
+        if LINKS in self.shows:
             after = past[-1]
             ends = shapes.link_ends(after, now.centre[None])
             is_heard = after.link_heard[after.link_valid]
             lines["heard"] = ends[is_heard]
             lines["damaged"] = ends[~is_heard]
-        if "trails" in self.shows:
+        if TRAILS in self.shows:
             lines["trails"] = arrays.trails(self.scene, past)
         for name, node in self._lines.items():
             points = lines[name] if len(lines[name]) else _NO_LINE

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from iswarm_mj.output.legend import Group
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.player.controls import Control
 
@@ -57,22 +58,39 @@ def _number_step(control: Control) -> float:
     return 10.0 ** math.floor(math.log10(abs(control.value) or 1.0) - 1)
 
 
+def save(client: Any, name: str, content: bytes) -> None:
+    """Let a browser save a file at once, in its folder of downloads."""
+    client.send_file_download(name, content, save_immediately=True)
+
+
 def show(handle: Any, name: str, value: Any) -> None:
     """Change what a control or a node of viser shows, unless it shows that."""
     if not np.array_equal(getattr(handle, name), value):
         setattr(handle, name, value)
 
 
-def spots(entries: list[tuple[str, Rgb]], title: str = "") -> str:
-    """Return a legend of labels and colours after a title, in HTML."""
-    labels = "".join(_spot(label, colour) for label, colour in entries if label)
+def warning(sentence: str) -> str:
+    """Return a sentence on a refused value, in HTML that is legible on light and dark pages."""
+    style = "font-size:.75em;line-height:1.35;color:#e8590c;padding:0 .8em .3em"
+    return f'<div style="{style}">{html.escape(sentence)}</div>'
+
+
+def spots(legend: list[Group], title: str = "") -> str:
+    """Return a legend after a title, in HTML: a line of colours and labels for each heading."""
+    lines = [f"<b>{html.escape(title)}</b>"] if title else []
+    for heading, entries in legend:
+        labels = "".join(_spot(label, colour) for label, colour in entries)
+        lines.append(f'<span style="opacity:.7">{html.escape(heading)}:</span> {labels}')
     style = "font-size:.8em;line-height:1.6;padding:.3em .8em"
-    return f'<div style="{style}"><b>{html.escape(title)}</b> {labels}</div>'
+    return f'<div style="{style}">{"<br>".join(lines)}</div>'
 
 
 def _spot(label: str, colour: Rgb) -> str:
     """Return a coloured square and a label, in HTML."""
-    square = "display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.3em"
+    square = (
+        "display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.3em;"
+        "box-shadow:0 0 0 1px rgba(128,128,128,.6)"  # else black is invisible on a dark page
+    )
     return (
         f'<span style="white-space:nowrap;margin-right:.8em">'
         f'<span style="{square};background:rgb{colour}"></span>{html.escape(label)}</span> '

@@ -376,8 +376,8 @@ work_tool_object = 0.0033
             browser = Browser(page)
             assert browser.value("work_tool_object") == 3.3
             browser.set("calibration", str(secret))
-            wait(lambda: browser.notifications)
-            assert "calibration must be" in browser.notifications[0]
+            wait(lambda: browser.note("calibration"))
+            assert "calibration must be" in browser.note("calibration")
             assert browser.value("work_tool_object") == 3.3
 
             browser.set("calibration", "the paper's balls")

@@ -20,10 +20,10 @@ import psutil
 import pytest
 import viser
 from PIL import Image
+from support.chromium import FLAGS, pixel_of
 from support.long_commands import started
 from support.page import SCENARIO, clients, disconnect_all, opened, selected_robot, wait
 from support.sessions import assert_same, state
-from viser.transforms import SO3
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.commands.play import redirect_file
@@ -36,13 +36,6 @@ from iswarm_mj.workflows.clean import run_swarm
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
-FLAGS = [
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-dev-shm-usage",
-]
-"""Flags of a Chromium that draws without a graphics card."""
 SECONDS = 120
 """Time after which a test that waits has failed [s]."""
 WIDTH = 1000
@@ -137,15 +130,6 @@ def test_the_swarm_moves_in_both_tabs_and_stops_in_both(tabs, played):
     assert share_that_differs(*after) < 1e-3
     np.testing.assert_array_equal(picture_of_arena(first), after[0])
     assert f"step {step}" in second.get_by_text(re.compile(r"^step \d+")).inner_text()
-
-
-def pixel_of(camera, point):
-    """Return the pixel x, y at which a camera of viser sees a point [mm]."""
-    right, down, ahead = SO3(camera.wxyz).inverse() @ (point - camera.position)
-    focal_length = camera.image_height / 2 / np.tan(camera.fov / 2)
-    x = camera.image_width / 2 + focal_length * right / ahead
-    y = camera.image_height / 2 + focal_length * down / ahead
-    return x, y
 
 
 def test_a_click_on_a_robot_selects_it(tabs, played):
@@ -262,10 +246,11 @@ def test_the_guard_knows_all_that_the_client_sends(tabs, played, capfd):
     # On the window and the panel.
     tab.set_viewport_size({"width": 400, "height": 700})
     tab.set_viewport_size({"width": WIDTH, "height": HEIGHT})
-    tab.get_by_text("trails", exact=True).first.click()
+    tab.get_by_role("checkbox", name="trails").click()
     tab.get_by_role("tab", name="Share").click()
-    tab.get_by_role("button", name="Save as TOML").click()
-    tab.get_by_text("play.toml", exact=False).first.wait_for()
+    with tab.expect_download() as download:
+        tab.get_by_role("button", name="Save as TOML").click()
+    assert download.value.suggested_filename == "play.toml"
 
     # The client connects again.
     disconnect_all(played)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from support.sessions import PAGE_SCENARIO, assert_same, begun, state
 
-from iswarm_mj.player.changes import Change, edit
+from iswarm_mj.player.changes import Change, edit_of_swarm
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
@@ -46,6 +46,8 @@ def test_other_texts_are_refused(text):
         "ball=nan,0",
         "ball=3",
         "ball=a",
+        "fail=1.5",
+        "fail=nan",
         "nothing=1",
         "robots=3",
         "p_vector_forget=2",
@@ -98,7 +100,7 @@ class TestWhichBall:
     @staticmethod
     def drop(session, swarm):
         """Drop a ball; return its number and the balls."""
-        balls = edit(session.run, DROP)(swarm).task
+        balls = edit_of_swarm(session.run, DROP)(swarm).task
         has_moved = (balls.position != swarm.task.position).any(axis=-1)[0]
         (ball,) = np.flatnonzero(has_moved)
         np.testing.assert_allclose(balls.position[0, ball], PLACE * RD, rtol=1e-6)
@@ -116,3 +118,48 @@ class TestWhichBall:
         assert ball == nearest_first[2]
         assert balls.is_delivered.sum() == 2
         assert not balls.is_delivered[0, ball]
+
+
+def test_a_share_of_the_living_robots_fails_the_same_way_each_time(session):
+    run = session.run
+    _, state = run.arrays()
+    once = edit_of_swarm(run, Change.parse("4:fail=0.25"))(state.swarm)
+    again = edit_of_swarm(run, Change.parse("4:fail=0.25"))(state.swarm)
+    np.testing.assert_array_equal(once.is_alive, again.is_alive)
+    assert once.is_alive.sum() == 15
+    assert edit_of_swarm(run, Change.parse("4:fail=0.2"))(once).is_alive.sum() == 12
+    with pytest.raises(UserError, match="fail must be between 0 and 1"):
+        edit_of_swarm(run, Change.parse("4:fail=1.5"))
+
+
+def test_a_robot_is_moved_and_the_others_stay_where_they_are():
+    session = begun(n=2)
+    before = session.run.poses()[0]
+    session.change("move", "3,9.0,-9.0")
+    after = session.run.poses()[0]
+    np.testing.assert_allclose(after[3, :2], [9.0 * RD * 1e-3, -9.0 * RD * 1e-3], rtol=1e-5)
+    assert after[3, 2] == before[3, 2]
+    others = np.arange(20) != 3
+    np.testing.assert_array_equal(after[others], before[others])
+    np.testing.assert_allclose(session.snapshots[-1].frames.pose[0], after, rtol=1e-6)
+    session.advance()
+    moved = session.snapshots[-1].frames.pose[0, 3, :2] - after[3, :2]
+    assert np.linalg.norm(moved) < 0.51 * RD * 1e-3  # a step of half a robot
+
+
+@pytest.mark.parametrize(
+    ("place", "sentence"),
+    [
+        ("99,0", "such that robots stand within the walls"),
+        ("nan,0", "such that robots stand within the walls"),
+        ("OTHER", "such that no robots overlap"),
+    ],
+)
+def test_a_robot_is_not_moved_where_it_cannot_stand(session, place, sentence):
+    if place == "OTHER":
+        x, y = session.run.poses()[0, 5, :2] / (RD * 1e-3)
+        place = f"{x:.3f},{y:.3f}"
+    before = state(session.run)
+    with pytest.raises(UserError, match=sentence):
+        session.change("move", f"3,{place}")
+    assert_same(state(session.run), before)

@@ -1,13 +1,13 @@
 """The command and the file that the page offers repeat a run, bit by bit."""
 
-import re
 import shlex
 import tomllib
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from support.sessions import PAGE_SCENARIO, assert_same, begun, names_of, state, steps
+from support.sessions import PAGE_SCENARIO, assert_copies_repeat, begun, names_of, steps
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
@@ -22,24 +22,15 @@ from iswarm_mj.utils.errors import UserError
 
 
 @pytest.fixture
-def assert_copies_repeat(tmp_path):
+def assert_repeats(tmp_path):
     """A function that asserts that the command and the file of a session give its state."""
-
-    def check(session):
-        command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
-        file = tmp_path / "play.toml"
-        file.write_text(re.sub(r"steps = \d+", "", session.toml()))
-        for arguments in (shlex.split(command), ["--config", str(file)]):
-            copy = steps(parse(["play", *arguments]).session(), session.step)
-            assert_same(state(copy.run), state(session.run))
-
-    return check
+    return partial(assert_copies_repeat, folder=tmp_path)
 
 
 # Settings and changes.
 
 
-def test_a_run_with_changes(assert_copies_repeat):
+def test_a_run_with_changes(assert_repeats):
     session = begun(n=2)
     session.set("p_vector_forget", 0.75)
     session.set("optics.error_in_communication", 0.5)
@@ -59,13 +50,13 @@ def test_a_run_with_changes(assert_copies_repeat):
         "5:kill=4",
         "5:ball=2.5,-1.5",
     ]
-    assert_copies_repeat(session)
+    assert_repeats(session)
     unchanged = begun(n=8)
     poses = session.snapshots[-1].frames.pose
     assert not np.array_equal(unchanged.snapshots[-1].frames.pose, poses)
 
 
-def test_another_task_and_strategy_whose_settings_change(assert_copies_repeat):
+def test_another_task_and_strategy_whose_settings_change(assert_repeats):
     obstacle = (5.0, 5.0, 1.0, 2.0, 30.0)
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=(obstacle,))
     scenario = PageScenario(
@@ -77,7 +68,7 @@ def test_another_task_and_strategy_whose_settings_change(assert_copies_repeat):
     )
     session = begun(scenario, n=4)
     assert session.command().startswith("iswarm run ")
-    assert_copies_repeat(session)
+    assert_repeats(session)
 
     spots = session.snapshots[-1].frames.task["area_bright"]
     session.set("spot_radius", 3.0)  # of the task, while it runs
@@ -85,7 +76,7 @@ def test_another_task_and_strategy_whose_settings_change(assert_copies_repeat):
     smaller = session.snapshots[-1].frames.task["area_bright"]
     np.testing.assert_allclose(smaller[..., 2], 0.75 * spots[..., 2])
     assert names_of(session.changes) == ["4:spot_radius=3.0"]
-    assert_copies_repeat(session)
+    assert_repeats(session)
 
 
 def test_switches_of_a_genome():
@@ -95,6 +86,40 @@ def test_switches_of_a_genome():
     arguments = shlex.split(Session(scenario).command())[2:-2]
     copy = parse(["play", *arguments]).session()
     assert copy.start.genome == switched
+
+
+def test_robots_that_are_moved_and_fail(assert_repeats):
+    scenario = replace(PAGE_SCENARIO, failing="0.2:2")
+    session = begun(scenario, n=2)
+    session.change("move", "3,9.0,-9.0")
+    steps(session, 2)
+    session.change("fail", "0.25")
+    session.change("move", "4,-9.0,9.0")
+    steps(session, 2)
+    assert session.is_alive.sum() == 12
+    assert "--failing 0.2:2" in session.command()
+    assert_repeats(session)
+
+
+def test_rules_of_one_team_that_change(assert_repeats):
+    session = begun(of_teams(type1=TYPE1, type2=PRESETS["type2"]), n=2)
+    session.set("type2.p_vector_forget", 0.75)
+    steps(session, 2)
+    assert names_of(session.changes) == ["2:type2.p_vector_forget=0.75"]
+    assert_repeats(session)
+
+
+def test_defaults_of_a_users_class_are_not_listed(tmp_path):
+    file = tmp_path / "walk.py"
+    file.write_text(
+        "from dataclasses import dataclass\n"
+        "from iswarm_mj.tasks.aggregation import Beeclust\n\n\n"
+        "@dataclass(frozen=True)\nclass Walk(Beeclust):\n    turn: float = 40.0\n"
+    )
+    flags = ["--task=aggregation", f"--strategy={file}:Walk", "--robots=8", "--engine=planar"]
+    scenario = parse(["play", *flags]).session().start
+    assert scenario.values().keys() == {"robots", "task", "strategy", "engine"}
+    assert scenario.set("turn", 30.0).values()["turn"] == 30.0
 
 
 # Teams.
@@ -114,9 +139,9 @@ TEAMS = (
     ],
 )
 @pytest.mark.slow
-def test_teams_of_flags(flags, assert_copies_repeat):
+def test_teams_of_flags(flags, assert_repeats):
     session = parse(f"{TEAMS} {flags}".split()).session()
-    assert_copies_repeat(steps(session, 5))
+    assert_repeats(steps(session, 5))
 
 
 def of_teams(**teams):
@@ -126,12 +151,12 @@ def of_teams(**teams):
 
 
 @pytest.mark.slow
-def test_teams_of_python_whose_names_are_presets(assert_copies_repeat):
+def test_teams_of_python_whose_names_are_presets(assert_repeats):
     changed = replace(PRESETS["type2"], weight_find_dust=0.125)
     session = begun(of_teams(type1=TYPE1, type2=changed), n=2)
     assert "--strategy type1=0.5 type2=0.5" in session.command()
     assert "--type2.weight-find-dust 0.125" in session.command()
-    assert_copies_repeat(session)
+    assert_repeats(session)
 
 
 @pytest.mark.parametrize("names", [("red", "blue"), ("type1", "red")])
@@ -152,14 +177,14 @@ def test_a_class_of_no_file_cannot_be_copied():
         scenario.values()
 
 
-def test_a_strategy_of_a_file_with_an_odd_name(tmp_path, assert_copies_repeat):
+def test_a_strategy_of_a_file_with_an_odd_name(tmp_path, assert_repeats):
     file = tmp_path / "🤖 'a\\b\x7f.py"
     file.write_text(
         "from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n"
     )
     flags = ["--task=aggregation", f"--strategy={file}:Walk", "--robots=8", "--engine=planar"]
     session = parse(["play", *flags]).session()
-    assert_copies_repeat(steps(session, 1))
+    assert_repeats(steps(session, 1))
 
 
 @pytest.mark.parametrize(

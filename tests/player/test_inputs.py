@@ -14,17 +14,19 @@ from support.page import (
     inputs,
     is_held_back,
     opened,
+    send_drag,
     wait,
     wait_for,
     work,
 )
+from support.sessions import assert_copies_repeat
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inbox import MOST_CLICKS
 from iswarm_mj.player.inputs import Inputs
-from iswarm_mj.player.panel import DROP
+from iswarm_mj.player.panel import CLICK_EFFECTS, DROP, LIFE
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
@@ -51,8 +53,9 @@ def test_a_refused_value_is_answered_and_the_input_keeps_the_old_one(still):
         browser.set(label, value)
         work(page)
         assert browser.value(label) == before
-        assert f"{label} must be" in browser.notifications[-1]
-        assert str(value) in browser.notifications[-1]
+        assert f"{label} must be" in browser.note(label)
+        assert str(value) in browser.note(label)
+    assert not browser.notifications
     assert page.session.wanted == wanted
     assert page.session.now == now
     assert_no_error(page)
@@ -83,7 +86,7 @@ def test_no_file_is_imported_because_a_message_names_it(still, tmp_path):
         browser.set(label, f"{file}:X")
         work(page)
         assert not mark.exists()
-        assert f"{label} must be" in browser.notifications[-1]
+        assert f"{label} must be" in browser.note(label)
 
 
 def test_an_action_gets_the_value_that_was_checked(still):
@@ -178,8 +181,8 @@ LARGEST_NUMBER = 1e3
 """Largest number that a control without a limit gets."""
 SHARE_OF_CLICKS = 0.1
 """Share of messages after which somebody clicks on the arena."""
-LEFT_ALONE = ("run", "Lift and release the ball")
-"""Buttons that are not clicked at random: resets have their number, and a trial takes long."""
+LEFT_ALONE = ("run", "Lift and release the ball", "Run the sweep", "Save plots as PNG")
+"""Buttons that are not clicked at random: resets have their number, and the others take long."""
 
 
 def legal_value(control, rng):
@@ -319,3 +322,59 @@ def test_many_legal_values_leave_the_page_alive(name, send_at_random):
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_many_hostile_values_leave_the_page_alive(name, send_at_random):
     send_at_random(name, n_events=250, n_resets=1, seed=4, is_hostile=True)
+
+
+# The copied command after anything.
+
+
+def play_as_a_monkey(page, browser, rng, n_events, *, n_resets, effects):
+    """Do random things that a run remembers: steps, rules, clicks, drags, failures, resets.
+
+    Args:
+        page: page whose threads have ended.
+        browser: browser that shows it.
+        rng: source of all that is random.
+        n_events: number of things.
+        n_resets: number of resets among them.
+        effects: what clicks on the arena may do.
+    """
+    resets = set(rng.sample(range(n_events), n_resets))
+    for number in range(n_events):
+        event = rng.choice(("step", "step", "rule", "rule", "click", "drag", "fail"))
+        if number in resets:
+            browser.set("run", "Reset")
+        elif event == "step":
+            browser.set("run", "Step")
+        elif event == "rule":
+            uuid, control = rng.choice([each for each in browser.inputs.items() if each[1].is_live])
+            browser.send(uuid, {"value": legal_value(control, rng)})
+        elif event == "click":
+            browser.set("a click can", rng.choice(effects))
+            browser.click(rng.uniform(-30, 30), rng.uniform(-30, 30))
+        elif event == "drag":
+            place = (rng.uniform(-15, 15), rng.uniform(-15, 15), 45.0)
+            send_drag(page, rng.randrange(10), (0.0, 0.0, 90.0), place)
+        else:
+            browser.set("share that fails", rng.choice((0.0, 0.1, 0.2)))
+            browser.press("Let them fail now")
+        work(page)
+
+
+@pytest.mark.parametrize(
+    ("n_events", "n_resets", "effects"),
+    [
+        (60, 1, (DROP, LIFE)),
+        pytest.param(1000, 4, CLICK_EFFECTS, marks=pytest.mark.slow),
+    ],
+)
+def test_after_random_events_the_copied_command_repeats_the_run(
+    still, tmp_path, n_events, n_resets, effects
+):
+    page, browser = still
+    play_as_a_monkey(page, browser, random.Random(5), n_events, n_resets=n_resets, effects=effects)
+    for _ in range(2):
+        browser.set("run", "Step")
+        work(page)
+    session = page.session
+    assert len(session.changes) > 3
+    assert_copies_repeat(session, tmp_path)

@@ -7,6 +7,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import msgspec
+import numpy as np
 import pytest
 from support.page import wait
 from support.requests import PROTOCOL, SECONDS
@@ -35,6 +36,20 @@ CLICK = {
     "modifier": None,
 }
 """A click on the middle of the arena."""
+DRAG = {
+    "type": "SceneNodeDragMessage",
+    "phase": "end",
+    "name": "/swarm/robots",
+    "instance_index": 1,
+    "start_position": [0.0, 0.0, 1.0],
+    "start_screen_pos": [0.5, 0.5],
+    "end_position": [5.0, 0.0, 1.0],
+    "end_screen_pos": [0.6, 0.5],
+    "button": "left",
+    "modifier": None,
+    "owner": "",
+}
+"""The end of a drag of a robot."""
 EVIL = ["/tmp/evil.py:Evil"]
 """Choices that would let the page import a file."""
 
@@ -190,6 +205,9 @@ HOSTILE = {
     "a camera at NaN": lambda c: CAMERA | {"position": [math.nan, 0.0, 0.0]},
     "a short vector": lambda c: CAMERA | {"position": [0.0, 0.0]},
     "a click from infinity": lambda c: CLICK | {"ray_origin": [math.inf, 0.0, 0.0]},
+    "a drag to NaN": lambda c: DRAG | {"end_position": [math.nan, 0.0, 0.0]},
+    "a drag of robot -1": lambda c: DRAG | {"instance_index": -1},
+    "a drag of many": lambda c: DRAG | {"instance_index": [1, 2]},
     "another gesture": lambda c: CLICK | {"event_type": "rect-select"},
 }
 """Messages that do not pass, by what they are; functions of the controls."""
@@ -199,6 +217,26 @@ def hostile_messages(kind, controls):
     """Return the hostile messages of a kind."""
     messages = HOSTILE[kind](controls)
     return messages if isinstance(messages, list) else [messages]
+
+
+def test_a_drag_of_a_robot_passes(server):
+    drags = []
+    node = server.scene.add_batched_meshes_simple(
+        "/swarm/robots",
+        np.eye(3),
+        np.array([[0, 1, 2]]),
+        np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)),
+        np.zeros((2, 3)),
+    )
+    node.on_drag("left")(drags.append)
+    with client(server.url) as browser:
+        send(browser, CAMERA)
+        wait(server.get_clients)
+        send(browser, DRAG | {"phase": "start"}, DRAG)
+        wait(lambda: len(drags) == 2)
+    assert [drag.phase for drag in drags] == ["start", "end"]
+    assert drags[1].instance_index == 1
+    assert drags[1].end_position == (5.0, 0.0, 1.0)
 
 
 def test_other_messages_change_nothing_and_end_nothing(server, controls, caplog, capsys):

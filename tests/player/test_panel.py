@@ -1,28 +1,36 @@
 """The panel shows what the session has, and lets it do what the panel offers."""
 
+import time
 import warnings
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from support.page import (
     SCENARIO,
     Browser,
     draw,
+    drawn_place,
     opened,
     selected_robot,
+    send_drag,
     send_ray,
     stop_threads,
     wait,
     work,
 )
 from support.rrd import read
+from support.sessions import PAGE_SCENARIO, begun
 
 from iswarm_mj.player.panel import BUILD, DROP, LIFE, REMOVE
+from iswarm_mj.player.session import Activity
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.tasks.aggregation import Beeclust
+from iswarm_mj.tasks.aggregation import Aggregation
+from iswarm_mj.tasks.foraging import Forager
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
 
 TEAMS = Teams({"type1": (0.5, PRESETS["type1"]), "type2": (0.5, PRESETS["type2"])})
 
@@ -60,19 +68,19 @@ def test_inputs_of_a_strategy_that_waits_stand_beside_those_of_what_runs(still):
     """Rules of what runs change it, while those of the other strategy wait."""
     page, browser = still
     forget = browser.find("p vector forget")
-    browser.set("strategy", "beeclust")
+    browser.set("strategy", "forager")
     work(page)
     names = {(control.is_live, control.name) for control in browser.inputs.values()}
     assert (True, "p_vector_forget") in names
-    assert (False, "longest_wait") in names
+    assert (False, "random_turn") in names
     assert browser.find("p vector forget") == forget  # its folder is left alone
-    assert "**Reset** applies: strategy." in browser.text
+    assert "**Reset** applies: strategy type1 → forager." in browser.text
 
     browser.set("p vector forget", 0.875)
-    browser.set("longest wait", 25.0)
+    browser.set("random_turn", 30.0)
     work(page)
     assert page.session.now.genome.p_vector_forget == 0.875
-    assert page.session.wanted.strategy == Beeclust(longest_wait=25.0)
+    assert page.session.wanted.strategy == Forager(random_turn=30.0)
     assert not browser.notifications
 
 
@@ -105,7 +113,13 @@ def test_inputs_take_and_show_values_in_the_units_of_the_page(still):
 
     browser.set("gripper.release_gap", 30.0)
     work(page)
-    assert "release gap [µm] must be a number, between 1 and 20 µm" in browser.notifications[-1]
+    note = browser.note("gripper.release_gap")
+    assert "release gap [µm] must be a number, between 1 and 20 µm" in note
+
+    browser.set("gripper.release_gap", 19.0)
+    work(page)
+    assert not browser.note("gripper.release_gap")
+    assert browser.value("gripper.release_gap") == 19.0
 
 
 def test_inputs_that_are_removed_are_removed_once(still):
@@ -121,13 +135,134 @@ def test_inputs_that_are_removed_are_removed_once(still):
     assert set(browser.inputs) == browser.shown_inputs
 
 
+# Changes that wait.
+
+
+def test_what_cannot_be_is_refused_where_it_is_entered_and_other_changes_wait(still):
+    """The sentence stands beneath the input, which shows its old value again."""
+    page, browser = still
+    session = page.session
+    browser.set("seed", 9)
+    browser.set("robots", 5000)
+    work(page)
+    assert "robots must be" in browser.note("robots")
+    assert "5000" in browser.note("robots")
+    assert browser.value("robots") == 10
+    assert "**Reset** applies: seed" in browser.text
+
+    browser.set("a click can", BUILD)
+    browser.click(7.0 * RD, 0.0)  # on a dust area
+    browser.click(20.0, -20.0)
+    work(page)
+    assert "obstacle" in browser.notifications[-1]
+    browser.set("run", "Reset")
+    work(page)
+    assert session.now.seed == 9
+    assert len(session.now.config.arena.obstacles) == 1
+    assert session.step == 0
+
+
+def test_a_strategy_that_does_not_fit_waits_and_the_rest_is_reset(still):
+    """Its own settings can be changed only once it is chosen, so it is no mistake to choose it."""
+    page, browser = still
+    session = page.session
+    browser.set("seed", 9)
+    work(page)
+    browser.set("strategy", "beeclust")
+    work(page)
+    work(page)
+    assert "Beeclust follows the light of the task" in browser.note("strategy")
+    assert browser.value("strategy") == "beeclust"
+    assert not browser.notifications
+
+    browser.set("run", "Reset")
+    work(page)
+    assert session.step == 0
+    assert session.now.seed == 9
+    assert session.now.get("strategy") == "type1"
+    assert session.wanted.get("strategy") == "beeclust"
+    assert "The **strategy** goes on waiting, as it does not fit yet" in browser.text
+
+    session.advance()
+    browser.set("strategy", "type1")
+    work(page)
+    work(page)
+    assert session.misfit is None
+    assert not browser.note("strategy")
+
+
+def test_settings_of_a_task_that_does_not_fit_make_it_fit():
+    session = begun()
+    session.want("task", "aggregation")
+    assert session.misfit.name == "task"
+    assert "spot_offset must be at most 3 rd" in session.misfit.sentence
+    session.want("spot_offset", 5.0)
+    session.set("p_vector_forget", 0.75)
+    session.want("spot_radius", 4.0)
+    assert session.misfit is None
+    session.reset()
+    assert session.now.task == Aggregation(spot_radius=4.0, spot_offset=5.0)
+    assert session.now.genome.p_vector_forget == 0.75
+
+
+def test_a_reset_that_fails_keeps_what_waits(still, monkeypatch):
+    page, browser = still
+    session = page.session
+    browser.set("seed", 9)
+    work(page)
+
+    def refuse(_):
+        raise UserError("no memory is left")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(type(session.wanted), "run", refuse)
+        browser.set("run", "Reset")
+        work(page)
+    assert browser.notifications == ["no memory is left"]
+    assert session.step == 1
+    assert session.wanted.seed == 9
+
+    browser.set("run", "Reset")
+    work(page)
+    assert session.now.seed == 9
+
+
+def test_the_page_says_what_is_prepared_and_since_when(still):
+    page, browser = still
+    session = page.session
+    began = time.monotonic() - 12
+    session.activity = Activity("the next step: forager on foraging is compiled", began)
+    draw(page)
+    assert (
+        "**Preparing** the next step: forager on foraging is compiled, since 12 s" in browser.text
+    )
+
+    session.activity = None
+    draw(page)
+    assert "Preparing" not in browser.text
+
+
+def test_a_session_states_what_it_compiles(monkeypatch):
+    session = begun()
+    stated = []
+    session.want("robots", 12)
+    session.reset()
+    monkeypatch.setattr(session.run, "advance", lambda: stated.append(session.activity) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        session.advance()
+    assert stated[0].text == (
+        "the next step: type1 on cleaning for 12 robots with the engine planar is compiled"
+    )
+    assert session.activity is None
+
+
 # Errors.
 
 
 def test_actions_that_fail_are_shown(still, monkeypatch, capfd):
     page, browser = still
-    monkeypatch.setattr(SwarmView, "toggle", None)
-    browser.set("draw", "trails")
+    monkeypatch.setattr(SwarmView, "draw", None)
+    browser.set("trails", True)
     work(page)
     assert "TypeError" in browser.notifications[-1]
     assert capfd.readouterr().err.count("Traceback") == 1
@@ -238,6 +373,92 @@ def test_clicks_that_wait_for_a_reset(still):
     browser.click(-20.5, -19.5)  # takes the second one away
     work(page)
     assert session.run.settings.n_robots == 10
-    assert "**Reset** applies: robots, obstacles." in browser.text
+    assert "**Reset** applies: robots 10 → 8; obstacles 0 → 1." in browser.text
     assert session.wanted.n_robots == 8
     assert session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
+
+
+def drag(page, robot, x, y, phase="end"):
+    """Drag a robot to a place [mm], seen from above with a slant."""
+    camera = np.array([0.0, -60.0, 90.0])
+    half_height = page.session.scene.height * 500
+    pointer = camera + 0.5 * (np.array([x, y, half_height]) - camera)
+    send_drag(page, robot, camera, pointer, phase)
+
+
+def test_a_robot_that_is_dragged_stands_where_the_drag_ends(still):
+    page, browser = still
+    session = page.session
+    drag(page, 5, 18.0, -18.0, phase="update")
+    assert not session.inbox
+    drag(page, 5, 18.0, -18.0)
+    work(page)
+    np.testing.assert_allclose(place_of(session, 5), [18.0, -18.0], atol=0.01)
+    (change,) = session.changes
+    assert (change.step, change.name) == (1, "move")
+
+    drag(page, 5, 900.0, 0.0)  # beyond the walls
+    work(page)
+    assert (
+        "place of robot 5 must be such that robots stand within the walls"
+        in (browser.notifications[-1])
+    )
+    assert len(session.changes) == 1
+
+
+def test_cameras_follow_the_selected_robot(still):
+    page, browser = still
+    session = page.session
+    browser.click(*place_of(session, 5))
+    browser.set("follow the selected robot", True)
+    draw(page)
+    start = np.array(browser.camera.position)
+    np.testing.assert_allclose(start[:2], drawn_place(page, 5), atol=1e-3)
+
+    x, y = drawn_place(page, 5)
+    session.change("move", "5,6.0,6.0")
+    draw(page, elapsed=10.0)
+    moved = np.array(browser.camera.position) - start
+    np.testing.assert_allclose(moved, [6.0 * RD - x, 6.0 * RD - y, 0.0], atol=1e-3)
+
+    browser.set("follow the selected robot", False)
+    session.change("move", "5,-6.0,6.0")
+    draw(page)
+    np.testing.assert_allclose(np.array(browser.camera.position) - start, moved)
+
+
+def test_a_share_of_the_robots_fails_at_a_click(still):
+    page, browser = still
+    browser.set("share that fails", 0.3)
+    browser.press("Let them fail now")
+    work(page)
+    assert page.session.is_alive.sum() == 7
+    assert [str(change) for change in page.session.changes] == ["1:fail=0.3"]
+    assert "dead" in browser.text
+
+
+def test_each_team_has_its_rules_and_its_share():
+    scenario = replace(SCENARIO, robots=10, strategy=TEAMS)
+    with opened(scenario, port=8395) as page:
+        stop_threads(page)
+        browser = Browser(page)
+        page.session.advance()
+        work(page)
+        assert "cleaning, type1 50 % and type2 50 %" in browser.text
+        browser.set("type2.p_vector_forget", 0.75)
+        work(page)
+        now = page.session.now
+        assert now.get("type2.p_vector_forget") == 0.75
+        assert now.get("type1.p_vector_forget") == PRESETS["type1"].p_vector_forget
+        assert [str(change) for change in page.session.changes] == ["1:type2.p_vector_forget=0.75"]
+        page.session.advance()
+
+
+def test_fewer_robots_are_explained_by_their_density():
+    """An obstacle takes floor, and robots by default stand on a share of it."""
+    session = begun(replace(PAGE_SCENARIO, robots=None))
+    obstacle = (8.0, -8.0, 2.0, 2.0, 0.0)
+    session.want("arena.obstacles", (obstacle,))
+    text = session.pending["robots"]
+    assert text.endswith("as robots stand on 11.8 % of the free floor")
+    assert session.pending["obstacles"] == "0 → 1"

@@ -16,7 +16,7 @@ from iswarm_mj.output import shapes
 from iswarm_mj.output.message_columns import payload_json
 from iswarm_mj.output.palette import LOADED, rgb
 from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
-from iswarm_mj.output.swarm_classes import BALL_CLASSES
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, DEAD
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.inspection import describe_robot
 from iswarm_mj.player.page import close_server, open_server
@@ -25,6 +25,7 @@ from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView, aim
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.messages import Message, Payload
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
@@ -160,10 +161,11 @@ def test_what_a_robot_knows_hears_and_says():
     memory = {"age": np.arange(4.0)[None, None], "is_odd": np.arange(4)[None, None] % 2 > 0}
     assert describe_robot(scene, frames, memory, 2).splitlines() == [
         "**Scout 2**, loaded",
+        "",
         "At 1.0, -2.0 mm, heading 270°. It turned by 30° and walked 0.15 mm.",
-        *("", "| remembers | |", "|---|---|", "| age | 2 |", "| is_odd | no |"),
-        *("", "| says | |", "|---|---|", "| count | 7 |"),
-        *("", "| hears | robot | at [mm] | |", "|---|---|---|---|"),
+        *("", "| remembers | |", "|:--|:--|", "| age | 2 |", "| is_odd | no |"),
+        *("", "| says | |", "|:--|:--|", "| count | 7 |"),
+        *("", "| hears | robot | distance [mm] | message |", "|:--|:--|:--|:--|"),
         *("| front | 1 | 4.0 | count 5 |", "| right | 3 | 5.5 | damaged |"),
     ]
 
@@ -236,7 +238,7 @@ def test_colours_of_states_and_deaths(session):
     colours = arrays.colours(scene, replace(after, is_alive=is_alive[None]), arrays.STATE)
     is_loaded = after.is_loaded[0] & ~after.has_priority[0] & is_alive
     assert (colours[is_loaded] == rgb(LOADED)).all()
-    assert tuple(colours[1]) == arrays.DEAD
+    assert tuple(colours[1]) == DEAD.colour
 
 
 def test_colours_of_hops_and_energy(session):
@@ -256,11 +258,47 @@ def test_colours_of_hops_and_energy(session):
 
 def test_the_legend_explains_the_colours_and_the_dead(session):
     is_alive = np.arange(20) != 1
-    legend = dict(arrays.legend(session.scene, "energy", is_alive))
-    assert legend["none"] == GREY
-    assert legend["0 or least"] == VIOLET
-    assert legend["15 or most"] == LIME
-    assert legend["dead"] == arrays.DEAD
+    by_hops = dict(arrays.legend(session.scene, "hops to dust", (), is_alive))
+    robots = dict(by_hops["Robots"])
+    assert robots["unknown"] == GREY
+    assert robots["0 hops"] == VIOLET
+    assert robots["15 hops or more"] == LIME
+    assert robots["dead"] == DEAD.colour
+
+    by_energy = dict(arrays.legend(session.scene, "energy", (), np.ones(20, bool)))
+    assert [*dict(by_energy["Robots"])] == ["least of all robots", "", "most of all robots"]
+
+
+def test_the_legend_explains_what_is_drawn_and_lies_on_the_floor(session):
+    drawn = ("links", "trails", "dump")
+    legend = dict(arrays.legend(session.scene, arrays.STATE, drawn, np.ones(20, bool)))
+    assert "empty, sends priority" in dict(legend["Robots"])
+    assert [label for label, _ in legend["Balls, drawn enlarged"]] == [
+        "on the floor",
+        "held",
+        "delivered",
+    ]
+    assert [label for label, _ in legend["Lines"]] == [
+        "link, heard",
+        "link, damaged message",
+        "trail",
+        "remembers dump",
+    ]
+    assert [label for label, _ in legend["Floor"]] == ["dump", "dust area"]
+
+
+def test_the_legend_leaves_out_what_a_swarm_does_not_have():
+    """Beeclust neither sends priority nor carries balls, and its task has a bright spot."""
+    task = Aggregation(spot_radius=4.0, spot_offset=7.0)
+    scenario = PageScenario(
+        CONFIG, task=task, strategy=Beeclust(), robots=20, engine=PlanarSettings()
+    )
+    scene = Session(scenario).scene
+    legend = arrays.legend(scene, arrays.STATE, ("trails",), np.ones(20, bool))
+    assert [(heading, [label for label, _ in entries]) for heading, entries in legend] == [
+        ("Robots", ["empty"]),
+        ("Floor", ["bright", "dim"]),
+    ]
 
 
 def test_trails_end_at_loaded_robots(session):
@@ -294,3 +332,14 @@ def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
     # The front lies ahead of the centre, on the hull.
     assert front.vertices[:, 0].min() > 0.2
     assert front.vertices[:, 0].max() < 0.5
+
+
+def test_the_robot_remembers_and_says_lengths_in_millimetres(session):
+    scene, _, after = last(session)
+    memory = session.snapshots[-1].record.swarm.memory
+    knows = np.flatnonzero(after.memory["dust_known"][0])
+    robot = int(knows[0])
+    ahead, left = after.memory["dust_vector"][0, robot] * 1e3
+    text = describe_robot(scene, after, memory, robot)
+    assert f"| dust.vector | {ahead or 0:.4g}, {left or 0:.4g} mm |" in text
+    assert "-0 " not in text

@@ -126,7 +126,7 @@ def test_rules_pass_to_a_strategy_of_the_same_class_that_waits():
     assert session.wanted.genome == replace(PRESETS["type2"], p_vector_forget=0.625)
     assert session.now.get("strategy") == "type1"
     assert session.wanted.get("strategy") == "type2"
-    assert session.pending[0] == "strategy"
+    assert session.pending["strategy"] == "type1 → type2"
     assert "p vector forget" not in session.pending
 
 

@@ -163,6 +163,38 @@ def send_ray(page, origin, direction):
     page._clicked(SimpleNamespace(ray_origin=origin, ray_direction=direction))
 
 
+def send_drag(page, robot, camera, pointer, phase="end"):
+    """Drag a robot, as a browser sends it.
+
+    Args:
+        page: page that is shown.
+        robot: number of the robot.
+        camera: place of the camera [mm].
+        pointer: place of the pointer, on any plane between camera and floor [mm].
+        phase: "start", "update" or "end".
+    """
+    client = SimpleNamespace(camera=SimpleNamespace(position=camera))
+    page._dragged(
+        SimpleNamespace(client=client, phase=phase, instance_index=robot, end_position=pointer)
+    )
+
+
+def click_with(page, effect, x, y):
+    """Click on a place of the arena [mm] after choosing what a click can do."""
+    page._panel.click = effect
+    page._panel.clicked(x, y, 1.0)
+
+
+def drawn_lines(page):
+    """Return the names of the lines and arrows that are drawn."""
+    return page._panel.view.shows
+
+
+def drawn_place(page, robot):
+    """Return where a robot is drawn [mm]."""
+    return page._panel.view.place_of(robot)
+
+
 class Browser:
     """A browser that shows a page, without a window.
 
@@ -193,8 +225,9 @@ class Browser:
         """Show a text."""
         self.notifications.append(body)
 
-    def send_file_download(self, name, content):
-        """Offer a file."""
+    def send_file_download(self, name, content, save_immediately):
+        """Save a file."""
+        assert save_immediately  # otherwise it takes a second click
         self.files.append(content)
 
     # What the page shows.
@@ -248,6 +281,11 @@ class Browser:
     def value(self, name):
         """Return the value that an input shows."""
         return self.handle(self.find(name)).value
+
+    def note(self, name):
+        """Return the HTML of the sentence beneath an input; empty where there is none."""
+        note = inputs(self.page)._notes.get(self.find(name))
+        return "" if note is None else note.content
 
     def node(self, name):
         """Return a node of the scene by its path."""

@@ -1,8 +1,12 @@
 """Sessions of the page without a page, and the state of their runs."""
 
+import re
+import shlex
+
 import jax
 import numpy as np
 
+from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -40,3 +44,20 @@ def assert_same(arrays, expected):
 def names_of(changes):
     """Return changes as texts."""
     return [str(change) for change in changes]
+
+
+def assert_copies_repeat(session, folder):
+    """Assert that the command and the file that a session offers give its state, bit by bit.
+
+    Args:
+        session: session that has taken some steps.
+        folder: folder for the file.
+    """
+    command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
+    file = folder / "play.toml"
+    file.write_text(re.sub(r"steps = \d+", "", session.toml()))
+    for arguments in (shlex.split(command), ["--config", str(file)]):
+        copy = steps(parse(["play", *arguments]).session(), session.step)
+        for change in copy.waiting:  # those after the last step
+            copy.change(change.name, change.value)
+        assert_same(state(copy.run), state(session.run))
