@@ -44,8 +44,6 @@ THEME = {"show_logo": False, "show_share_button": False}
 """Settings of viser's page."""
 FASTEST = 60
 """Largest number of control steps a second."""
-_DURATION = "Usually 10 to 30 s once, and a few seconds later on."
-"""How long a compilation takes."""
 _SHORT_S = 0.7
 """Duration up to which what a session does is not worth a line [s]."""
 _BENCH_SIZE = 1 / 6
@@ -497,7 +495,7 @@ def describe_activity(activity: Activity | None) -> list[str]:
     seconds = time.monotonic() - activity.began
     if seconds < _SHORT_S:
         return []
-    return [f"**Preparing** {activity.text}, since {seconds:.0f} s. {_DURATION}"]
+    return [f"**Preparing** {activity.text}, since {seconds:.0f} s. {activity.duration}"]
 
 
 def _names_of_parts(scenario: PageScenario) -> tuple[str, ...]:

@@ -44,6 +44,8 @@ LOOK_S = 0.5
 """Time between two looks at users' files [s]."""
 AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
+_COMPILATION = "Usually 10 to 30 s once, and a few seconds later on."
+"""How long the first step of a program takes."""
 MOST_PLOTTED = 4000
 """Largest number of control steps that are plotted, the latest ones."""
 MOST_RECORDINGS = 100
@@ -79,6 +81,8 @@ class Activity(NamedTuple):
     """What is done, as an object of "Preparing"."""
     began: float
     """When it began, by the clock `time.monotonic` [s]."""
+    duration: str = ""
+    """How long it usually takes, as a sentence; empty where nothing can be said."""
 
 
 class Misfit(NamedTuple):
@@ -328,10 +332,10 @@ class Session:
         return False
 
     @contextmanager
-    def _doing(self, text: str) -> Iterator[None]:
+    def _doing(self, text: str, duration: str = "") -> Iterator[None]:
         """State what is done within the block, see `Activity`."""
         before = self.activity
-        self.activity = Activity(text, time.monotonic())
+        self.activity = Activity(text, time.monotonic(), duration)
         try:
             yield
         finally:
@@ -351,7 +355,7 @@ class Session:
             self.change(due.name, due.value)
 
         began = time.perf_counter()
-        with self._doing(f"the next step: {self._program} is compiled"):
+        with self._doing(*self._next_step()):
             record = self.run.advance()
         duration = time.perf_counter() - began
         if self.step:  # the first step compiles
@@ -365,6 +369,12 @@ class Session:
                 self._recorder.add(record)
         for fault in self.run.faults:
             self.messages.put(str(fault))
+
+    def _next_step(self) -> tuple[str, str]:
+        """Return what the next step does, and its usual duration; the first one compiles."""
+        if self.step:
+            return "the next step", ""
+        return f"the next step: {self._program} is compiled", _COMPILATION
 
     @property
     def _program(self) -> str:
