@@ -150,8 +150,9 @@ def gather(
     """
     _check(candidates, plan)
     n_worlds = plan.worlds or _worlds_of_finished(candidates) or DEFAULT_WORLDS
-    keeps_runs = out is not None and any(candidate.identity for candidate in candidates)
-    keeping = journal(out / RUNS, {"kind": "compare"}, again) if keeps_runs else nullcontext()
+    keeping = nullcontext()
+    if out is not None and any(candidate.identity for candidate in candidates):
+        keeping = journal(out / RUNS, {"kind": "compare"}, again)
     with keeping as kept:
         outcomes = [_outcome(candidate) for candidate in candidates]
         while True:
@@ -247,8 +248,9 @@ class _Batch:
         self._first = first
         self._key = hashed(f"{candidate.identity} {first} {n_worlds}")
         self._journal = kept if candidate.identity else None
+        self._kept = None if self._journal is None else self._journal.entries.get(self._key)
         self._run = None
-        if self._journal is None or self._key not in self._journal.entries:
+        if self._kept is None:
             with _named_errors(self._name):
                 self._run = candidate.make(first, n_worlds)
 
@@ -258,8 +260,8 @@ class _Batch:
         Raises:
             UserError: the code of the candidate fails.
         """
-        if self._run is None:
-            rows, settings = self._journal.entries[self._key]
+        if self._kept is not None:
+            rows, settings = self._kept
             return rows, settings
 
         run = self._run

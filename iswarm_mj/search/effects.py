@@ -107,8 +107,9 @@ def _ratio(
             return of_worlds(b, axis=axis) / of_worlds(a, axis=axis)
 
     with warnings.catch_warnings():
-        # SciPy warns of resamples without a ratio, which leave the interval NaN.
+        # SciPy warns of resamples without a ratio, which leave the interval infinite or NaN.
         warnings.simplefilter("ignore", stats.DegenerateDataWarning)
+        warnings.simplefilter("ignore", RuntimeWarning)
         interval = bootstrap(ratio, first, second, is_paired=is_paired, is_expanded=True)
     return interval if np.isfinite(interval).all() else None
 
@@ -123,8 +124,7 @@ def superiority(first: Float[Array, "*R B"], second: Float[Array, "*R C"], axis:
         second: samples.
         axis: axis of the values.
 
-    Source: Vargha and Delaney, Journal of Educational and Behavioral Statistics 25, 101 (2000),
-        equation 14.
+    Source: Vargha and Delaney, Journal of Educational and Behavioral Statistics 25, 101 (2000).
     """
     n_first = first.shape[axis]
     n_second = second.shape[axis]

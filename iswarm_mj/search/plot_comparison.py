@@ -51,8 +51,8 @@ def _caption(comparison: Comparison) -> str:
     return (
         f"Left: worlds, and their {comparison.statistic}s with {level} intervals; thin lines join "
         f"worlds with the same layout.\nRight: differences of the {comparison.statistic}s from "
-        f"that of {first} with {level} intervals, by bootstrap over worlds; where one holds 0, it "
-        "is open.\nWorlds that did not finish count as the last step; those with a fault are left "
+        f"that of {first} with {level} intervals, by bootstrap over worlds; open marks are not "
+        "decided.\nWorlds that did not finish count as the last step; those with a fault are left "
         "out."
     )
 

@@ -73,7 +73,7 @@ def bootstrap(
 
     Percentile intervals of few values are too narrow, by the factor of a normal quantile to one of
     Student's distribution and of n to n - 1 in the variance. Expanded ones have the level that
-    mends this: 97.5 instead of 95 % for 8 values.
+    mends this: 98.9 instead of 95 % for 8 values.
 
     Args:
         statistic: statistic of the samples along `axis`.
@@ -81,7 +81,7 @@ def bootstrap(
         is_paired: samples are of one size, and value number k of all of them is drawn together.
         is_expanded: expand the interval by the size of the smallest sample.
 
-    Source: Hesterberg, The American Statistician 69, 371 (2015), section 4.3, on expansion.
+    Source: Hesterberg, The American Statistician 69, 371 (2015), on expansion.
     """
     arrays = [np.asarray(values, float) for values in samples]
     level = LEVEL.get()

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
+from effect_coverage import coverage
 from scipy import stats
 
 from iswarm_mj.search.effects import effect, estimate, superiority
 from iswarm_mj.utils import intervals
-
-LIMIT = 400.0
-"""Step at which made-up worlds end that did not finish."""
 
 
 @pytest.fixture(autouse=True)
@@ -73,28 +71,6 @@ class TestValues:
         assert expanded.low < plain.low and plain.high < expanded.high
 
 
-def made_up_times(rng, n_worlds, of_layouts):
-    """Return steps of finishing (n,): log-normal, correlated by layout, and cut at `LIMIT`."""
-    noise = rng.normal(size=n_worlds)
-    return np.minimum(np.round(300 * np.exp(0.3 * (of_layouts + noise))), LIMIT)
-
-
-def coverage(n_comparisons, n_worlds, *, statistic, is_paired, seed=0):
-    """Return how often intervals of equal candidates hold no effect: difference, ratio, A."""
-    rng = np.random.default_rng(seed)
-    n_held = np.zeros(3)
-    for _ in range(n_comparisons):
-        of_layouts = rng.normal(size=n_worlds) if is_paired else 0.0
-        first = made_up_times(rng, n_worlds, of_layouts)
-        second = made_up_times(rng, n_worlds, of_layouts)
-        result = effect(first, second, statistic=statistic, is_paired=is_paired)
-        for place, (interval, value) in enumerate(
-            ((result.difference, 0), (result.ratio, 1), (result.superiority, 0.5))
-        ):
-            n_held[place] += interval.low <= value <= interval.high
-    return n_held / n_comparisons
-
-
 def test_intervals_of_equal_candidates_hold_no_effect():
     """In 200 comparisons, a twentieth of the intervals leave it out."""
     held = coverage(200, 16, statistic="mean", is_paired=True)
@@ -102,10 +78,9 @@ def test_intervals_of_equal_candidates_hold_no_effect():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("n_worlds", [16, 32])
 @pytest.mark.parametrize("is_paired", [False, True])
-def test_intervals_of_means_have_their_level(n_worlds, is_paired):
-    held = coverage(2000, n_worlds, statistic="mean", is_paired=is_paired)
+def test_intervals_of_means_have_their_level(is_paired):
+    held = coverage(2000, 32, statistic="mean", is_paired=is_paired)
     assert held.min() >= 0.93 and held.max() <= 0.97
 
 
