@@ -16,6 +16,7 @@ from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.shared_settings import static_config
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.layout import balls_on_floor
@@ -126,9 +127,16 @@ def test_files_of_settings_and_python_name_the_tip(here):
     np.testing.assert_allclose(balls.work_tool_object, 2e-3 * share, rtol=3e-3)
 
 
-@pytest.mark.parametrize(
-    "resolution", ["quasi-static", pytest.param("dynamic", marks=pytest.mark.slow)]
-)
+def test_programs_are_of_the_table_that_the_file_has():
+    config = replace(SMALL, gripper=GripperConfig(tip="tip.json"))
+    first = static_config(config, on_host=True)
+    assert static_config(config, on_host=True) == first
+    weaken("tip.json")
+    assert static_config(config, on_host=True) != first
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("resolution", ["quasi-static", "dynamic"])
 def test_a_new_table_in_the_same_file_holds_from_the_next_run_on(resolution):
     """Programs that were compiled for the earlier table are not used again."""
     given = scenario(tip="tip.json", resolution=resolution, bench="c", grasp_voltage=50.0)
