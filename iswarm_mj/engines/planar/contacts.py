@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import inlined, uncounted
+from iswarm_mj.engines.planar.compiled import inlined
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.contact_rows import (
     Rows,
@@ -56,7 +56,7 @@ the bodies, negative where they overlap; and `has_friction`, whether the floor's
 one of the bodies."""
 
 
-@uncounted
+@inlined
 def find_contacts(
     pairs: np.ndarray,
     n_robots: int,

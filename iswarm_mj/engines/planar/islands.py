@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled, inlined, uncounted
+from iswarm_mj.engines.planar.compiled import compiled, inlined, missing_indices, uncounted
 
 
 @compiled
@@ -19,17 +19,22 @@ def find_islands(contacts: np.ndarray, n_bodies: int) -> tuple[np.ndarray, np.nd
         Indices of the contacts, island after island (C,); and where each of I islands begins,
         with the end of the last (I + 1,).
     """
-    parent = np.arange(n_bodies)
+    parent = np.empty(n_bodies, np.int64)
+    for body in range(n_bodies):
+        parent[body] = body
     _unite(contacts, parent)
-    island_of_root = np.full(n_bodies, -1, np.int64)
-    n_contacts = np.zeros(len(contacts) + 1, np.int64)
-    n_islands = _number(contacts, parent, island_of_root, n_contacts)
+    island_of_root = missing_indices(n_bodies)
+    begins = np.empty(len(contacts) + 1, np.int64)
+    n_islands = _number(contacts, parent, island_of_root, begins)
 
-    begins = np.cumsum(n_contacts[: n_islands + 1])
-    next_place = begins.copy()
+    # Sum up the contacts of the islands before each.
+    next_place = np.empty(n_islands, np.int64)
+    for island in range(n_islands):
+        next_place[island] = begins[island]
+        begins[island + 1] += begins[island]
     order = np.empty(len(contacts), np.int64)
     _sort(contacts, parent, island_of_root, next_place, order)
-    return order, begins
+    return order, begins[: n_islands + 1]
 
 
 @uncounted
@@ -56,11 +61,13 @@ def _number(
         contacts: (C,) of type CONTACT.
         parent: (N,) see `_unite`.
         island_of_root: (N,) -1, output for the roots.
-        n_contacts: (C + 1,) zeros, output: contacts of the island before, from the second on.
+        n_contacts: (C + 1,) output: contacts of the island before, from the second on.
 
     Returns:
         Number of islands.
     """
+    for k in range(len(n_contacts)):
+        n_contacts[k] = 0
     n_islands = 0
     for k in range(len(contacts)):
         root = _find_root(parent, contacts[k].second)

@@ -16,7 +16,7 @@ from numba.extending import register_jitable
 
 from iswarm_mj.engines.contact_geometry import Rectangle
 
-shared = register_jitable(forceinline=True)
+shared = register_jitable(forceinline=True, no_cfunc_wrapper=True)
 """Decorator of functions for both compilers; numba inlines them, as Warp does."""
 
 

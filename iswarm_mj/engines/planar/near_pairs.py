@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled
+from iswarm_mj.engines.planar.compiled import compiled, missing_indices
 
 _FORWARD = ((1, 0), (-1, 1), (0, 1), (1, 1))
 """Half of the eight cells around one, right and up, so that each pair of cells comes once."""
@@ -15,9 +15,11 @@ class Cells(NamedTuple):
     """Robots sorted into square cells, each a list that is linked from last to first."""
 
     last: np.ndarray
-    """(C, C) last robot of each cell, by row and column, -1 in an empty cell."""
+    """(C C,) last robot of each cell, row after row, -1 in an empty cell."""
     before: np.ndarray
     """(N,) robot before each robot in its cell, -1 for the first."""
+    n_cells: int
+    """Number C of cells along an edge."""
 
 
 @compiled
@@ -39,14 +41,14 @@ def near_pairs(
     """
     n_robots = len(places)
     cells = fill_cells(places, is_present, radius, half_extent)
-    n_cells = len(cells.last)
+    n_cells = cells.n_cells
     pairs = np.empty((4 * n_robots + 16, 2), np.int64)
     n_pairs = 0
     for robot in range(n_robots):
         if not is_present[robot]:
             continue
         if n_pairs + n_robots > len(pairs):
-            pairs = np.concatenate((pairs, np.empty_like(pairs)))
+            pairs = _doubled(pairs)
 
         # Robots before it in its own cell, then all robots of four adjacent cells.
         before = cells.before
@@ -55,7 +57,7 @@ def near_pairs(
         row = cell_of(places[robot, 1], half_extent, n_cells)
         for right, up in _FORWARD:
             if 0 <= column + right < n_cells and row + up < n_cells:
-                last = cells.last[row + up, column + right]
+                last = cells.last[(row + up) * n_cells + column + right]
                 n_pairs = _add_pairs(robot, last, before, places, radius, pairs, n_pairs)
     return pairs[:n_pairs]
 
@@ -79,15 +81,16 @@ def fill_cells(
     n_robots = len(places)
     n_cells_that_fit = int(2.0 * half_extent / radius)
     n_cells = max(1, min(n_cells_that_fit, int(2.0 * np.sqrt(n_robots))))  # along an edge
-    last = np.full((n_cells, n_cells), -1, np.int64)
-    before = np.full(n_robots, -1, np.int64)
+    last = missing_indices(n_cells * n_cells)
+    before = missing_indices(n_robots)
     for robot in range(n_robots):
         if is_present[robot]:
             column = cell_of(places[robot, 0], half_extent, n_cells)
             row = cell_of(places[robot, 1], half_extent, n_cells)
-            before[robot] = last[row, column]
-            last[row, column] = robot
-    return Cells(last, before)
+            cell = row * n_cells + column
+            before[robot] = last[cell]
+            last[cell] = robot
+    return Cells(last, before, n_cells)
 
 
 @compiled
@@ -95,6 +98,17 @@ def cell_of(coordinate: float, half_extent: float, n_cells: int) -> int:
     """Return the index of the cell along an axis; 0 for a coordinate that is not a number."""
     index = (coordinate + half_extent) * (n_cells / (2.0 * half_extent))
     return int(min(index, n_cells - 1.0)) if index > 0.0 else 0
+
+
+@compiled
+def _doubled(pairs: np.ndarray) -> np.ndarray:
+    """Return pairs (P, 2) with room for as many again."""
+    n_pairs = len(pairs)
+    with_room = np.empty((2 * n_pairs, 2), np.int64)
+    for k in range(n_pairs):
+        with_room[k, 0] = pairs[k, 0]
+        with_room[k, 1] = pairs[k, 1]
+    return with_room
 
 
 @compiled

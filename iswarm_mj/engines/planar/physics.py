@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.base import FreeBodies
 from iswarm_mj.engines.contact_geometry import TOUCHING
-from iswarm_mj.engines.planar.compiled import cached, compiled, uncounted
+from iswarm_mj.engines.planar.compiled import cached, uncounted
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
@@ -49,86 +48,75 @@ def take_steps(
         kinds: (N + M + 1,) see `plane.table_of`.
         plane: arena.
     """
-    for world in worlds:
-        world_bodies = FreeBodies(
-            bodies.poses[world],
-            bodies.velocity[world],
-            bodies.is_present[world],
-            bodies.overlap[world : world + 1],
-            None,
-        )
-        failure[world] = _take_steps(
-            n_substeps,
-            world_bodies,
-            targets[world],
-            touching[world],
-            solids,
-            kinds,
-            plane,
-        )
-
-
-@compiled
-def _take_steps(
-    n_substeps: int,
-    bodies: Any,
-    targets: np.ndarray,
-    touching: np.ndarray,
-    solids: np.ndarray,
-    kinds: np.ndarray,
-    plane: Plane,
-) -> int:
-    """Take the steps of one world, see `take_steps`; return bits of `FaultKind`."""
-    n_bodies = len(bodies.poses)
-    n_robots = touching.shape[1]
+    n_robots = touching.shape[2]
+    n_bodies = bodies.poses.shape[1]
     n_boxes = n_bodies - n_robots
-    velocities = np.zeros((n_bodies + 1, 3))  # the last row is that of what is fixed
-    _copy(bodies.velocity, velocities)
-    friction = np.zeros((n_bodies, 3))
+    velocities = np.empty((n_bodies + 1, 3))  # the last row is that of what is fixed
+    friction = np.empty((n_bodies, 3))
     places = np.empty((n_bodies, 4))
-    set_places(bodies.poses, places)
+    radius = 2.0 * plane.largest_radius + plane.law_of_bodies.margin + SKIN
 
-    pairs = np.empty((0, 2), np.int64)
-    contacts = np.empty(0, CONTACT)
-    solved = np.empty(0, CONTACT)  # contacts of the step before
-    moved = np.inf  # distance that robots may have moved since the near pairs were searched
-    for _ in range(n_substeps):
-        if 2.0 * moved > SKIN:
-            radius = 2.0 * plane.largest_radius + plane.law_of_bodies.margin + SKIN
-            pairs = near_pairs(places[:n_robots], bodies.is_present, radius, plane.half_extent)
-            contacts = np.empty(len(pairs) + (len(solids) + n_boxes) * n_bodies, CONTACT)
-            moved = 0.0
+    for world in worlds:
+        poses = bodies.poses[world]
+        is_present = bodies.is_present[world]
+        overlap = bodies.overlap[world : world + 1]
+        failure[world] = 0
+        _clear(velocities)
+        _copy(bodies.velocity[world], velocities)
+        set_places(poses, places)
 
-        # Contacts at the places and velocities before the step.
-        n_contacts = find_contacts(
-            pairs,
-            n_robots,
-            places,
-            velocities,
-            bodies.is_present,
-            kinds,
-            plane,
-            solids,
-            contacts,
-        )
-        in_contact = contacts[:n_contacts]
-        _note_overlap(in_contact, bodies.overlap)
+        pairs = np.empty((0, 2), np.int64)
+        contacts = np.empty(0, CONTACT)
+        solved = contacts  # contacts of the step before
+        moved = np.inf  # distance that robots may have moved since the near pairs were searched
+        for _ in range(n_substeps):
+            if 2.0 * moved > SKIN:
+                pairs = near_pairs(places[:n_robots], is_present, radius, plane.half_extent)
+                contacts = np.empty(len(pairs) + (len(solids) + n_boxes) * n_bodies, CONTACT)
+                moved = 0.0
 
-        # Velocities without contacts, then the impulses of contacts and friction.
-        _drive(velocities, targets, kinds)
-        friction[:] = 0.0
-        for box in range(n_robots, n_bodies):
-            apply_friction(box, velocities, friction, kinds)
-        warm_start(solved, in_contact, velocities, friction, kinds)
-        if not solve(in_contact, velocities, friction, kinds, plane):
-            return _FAILED
+            # Contacts at the places and velocities before the step.
+            n_contacts = find_contacts(
+                pairs,
+                n_robots,
+                places,
+                velocities,
+                is_present,
+                kinds,
+                plane,
+                solids,
+                contacts,
+            )
+            in_contact = contacts[:n_contacts]
+            _note_overlap(in_contact, overlap)
 
-        solved = in_contact.copy()
-        moved += _integrate(bodies, places, velocities, plane.timestep)
+            # Velocities without contacts, then the impulses of contacts and friction.
+            _drive(velocities, targets[world], kinds)
+            _clear(friction)
+            for box in range(n_robots, n_bodies):
+                apply_friction(box, velocities, friction, kinds)
+            warm_start(solved, in_contact, velocities, friction, kinds)
+            if not solve(in_contact, velocities, friction, kinds, plane):
+                failure[world] = _FAILED
+                break
 
-    _copy(velocities, bodies.velocity)
-    _note_touching(solved, touching)
-    return 0
+            solved = in_contact.copy()
+            moved += _integrate(poses, is_present, places, velocities, plane.timestep)
+
+        if failure[world] == 0:
+            _copy(velocities, bodies.velocity[world])
+            _note_touching(solved, touching[world])
+
+
+@uncounted
+def _clear(values: np.ndarray) -> None:
+    """Set all of an array (N, M) to zero.
+
+    An assignment to all would also compile NumPy's rules of broadcasting.
+    """
+    for i in range(len(values)):
+        for k in range(values.shape[1]):
+            values[i, k] = 0.0
 
 
 @uncounted
@@ -184,12 +172,17 @@ def _add_partner(touching: np.ndarray, robot: int, partner: int) -> None:
 
 
 @uncounted
-def _integrate(bodies: Any, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
+def _integrate(
+    poses: np.ndarray,
+    is_present: np.ndarray,
+    places: np.ndarray,
+    velocities: np.ndarray,
+    timestep: float,
+) -> float:
     """Move bodies with their new velocities; return how far the fastest one went [mm]."""
-    poses = bodies.poses
     farthest = 0.0  # squared
     for body in range(len(poses)):
-        if bodies.is_present[body]:
+        if is_present[body]:
             dx = timestep * velocities[body, 0]
             dy = timestep * velocities[body, 1]
             turn = timestep * velocities[body, 2]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from iswarm_mj.engines.base import LightReading
-from iswarm_mj.engines.planar.compiled import cached, inlined, uncounted
+from iswarm_mj.engines.planar.compiled import cached, inlined
 from iswarm_mj.engines.planar.in_sight import (
     Scene,
     View,
@@ -75,7 +75,7 @@ def sense(
         _sense_world(world, nobody, cells, within, emits, is_present, reading, scene)
 
 
-@uncounted
+@inlined
 def _sense_world(
     world: int,
     nobody: View,
@@ -103,7 +103,7 @@ def _sense_world(
     for robot in range(len(nobody.places)):
         if not is_present[world, robot]:
             continue
-        view = _view(nobody, robot, 0, 0)
+        view = _view(nobody, robot, nobody.n_lit, nobody.n_near)
         n_lit, n_near = _look_around(view, cells, within, emits[world], scene)
         view = _view(nobody, robot, n_lit, n_near)
         for side in range(n_sides):
@@ -157,12 +157,12 @@ def _look_around(
     n_lit = 0
     n_near = 0
     receiver = place_of(view.places, view.receiver)
-    n_cells = len(cells.last)
+    n_cells = cells.n_cells
     column = cell_of(receiver.x, scene.plane.half_extent, n_cells)
     row = cell_of(receiver.y, scene.plane.half_extent, n_cells)
     for up in range(max(row - 1, 0), min(row + 2, n_cells)):
         for right in range(max(column - 1, 0), min(column + 2, n_cells)):
-            robot = int(cells.last[up, right])
+            robot = int(cells.last[up * n_cells + right])
             while robot >= 0:
                 place = place_of(view.places, robot)
                 dx = place.x - receiver.x

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled, inlined, uncounted
+from iswarm_mj.engines.planar.compiled import compiled, inlined, missing_indices, uncounted
 from iswarm_mj.engines.planar.contact_law import velocity_change
 from iswarm_mj.engines.planar.contact_rows import Friction, floor_friction, relaxed
 from iswarm_mj.engines.planar.islands import find_islands
@@ -50,7 +50,7 @@ def warm_start(
         friction: see `solve_island`, changed.
         kinds: see `solve_island`.
     """
-    last_of_body = np.full(len(velocities), -1)
+    last_of_body = missing_indices(len(velocities))
     previous = np.empty(len(earlier_contacts), np.int64)
     _link(earlier_contacts, last_of_body, previous)
     _take_over(earlier_contacts, last_of_body, previous, contacts, velocities, friction, kinds)

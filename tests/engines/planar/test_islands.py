@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from support.compiled import for_python
 
+from iswarm_mj.engines.planar import islands
 from iswarm_mj.engines.planar.contacts import CONTACT
-from iswarm_mj.engines.planar.islands import find_islands
 
+find_islands = for_python(islands.find_islands)
 N_ROBOTS = 50
 
 

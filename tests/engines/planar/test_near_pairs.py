@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
+from support.compiled import for_python
 
-from iswarm_mj.engines.planar.near_pairs import near_pairs
+from iswarm_mj.engines.planar import near_pairs as module
 
+near_pairs = for_python(module.near_pairs)
 RADIUS = 4.0
 HALF_EXTENT = 20.0
 

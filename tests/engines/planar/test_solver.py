@@ -3,12 +3,14 @@
 from pathlib import Path
 
 import numpy as np
+from support.compiled import for_python
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.planar import solver
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane, table_of
-from iswarm_mj.engines.planar.solver import solve_island
 
+solve_island = for_python(solver.solve_island)
 CYCLE = Path(__file__).parents[2] / "data" / "island_that_cycles.npz"
 """Contacts of 725 pairs in a crowd that filled the arena, and the velocities before the sweeps."""
 TOLERANCE = 0.1
