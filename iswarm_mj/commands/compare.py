@@ -1,6 +1,7 @@
 """`iswarm compare`: strategies, tasks, settings and finished runs in the same worlds."""
 
 import shlex
+import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -32,6 +33,8 @@ _KINDS = (
 )
 _WITHOUT_EFFECT = ("record_worlds", "record_grasps", "record")
 """Settings of the runs that have no effect, since nothing is recorded."""
+_WIDTH = 88
+"""Width of the lines of sentences."""
 _OWN_FLAGS = ("--worlds", "--precision", "--max-worlds", "--measure", "--statistic", "--out")
 """Flags of the comparison itself that take a value; all others but switches are those of runs."""
 _SWITCHES = ("--again", "-h", "--help", "--help-all")
@@ -92,7 +95,8 @@ class Compare(ComparisonPlan):
         comparison.write(self.out)
         print("\n".join(comparison.table()))
         print()
-        print("\n".join(comparison.sentences()))
+        for sentence in comparison.sentences():
+            print(textwrap.fill(sentence, _WIDTH, subsequent_indent="  "))
         print(f"\n{comparison.statistic}s over worlds; figure, worlds and intervals: {self.out}")
 
     @property

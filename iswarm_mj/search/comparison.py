@@ -258,8 +258,8 @@ class Comparison:
 
 
 def number_text(value: float) -> str:
-    """Return a number with four digits at least, and no power of ten below 10^9."""
-    return f"{value:.0f}" if 1e3 <= abs(value) < 1e9 else f"{value:.4g}"
+    """Return a number with three digits, or all before the point; no power of ten below 10^9."""
+    return f"{value:.0f}" if 999.5 <= abs(value) < 1e9 else f"{value:.3g}"
 
 
 def interval_text(interval: Interval) -> str:

@@ -124,7 +124,7 @@ class TestResult:
     def test_a_decided_result_states_direction_and_interval(self):
         sentence = compared(FIRST, LATER).sentences()[0]
         beginning = (
-            "later has a higher mean finished_at than first: 66.75 against 62.5, difference 4.25 ("
+            "later has a higher mean finished_at than first: 66.8 against 62.5, difference 4.25 ("
         )
         assert sentence.startswith(beginning)
         assert sentence.endswith("in 8 worlds with the same layouts.")
@@ -137,7 +137,7 @@ class TestResult:
         assert sentence.startswith(
             "It is not decided whether second or first has the higher median"
         )
-        assert sentence.endswith(f"effects between {low:.4g} and {high:.4g} are possible.")
+        assert sentence.endswith(f"effects between {low:.3g} and {high:.3g} are possible.")
 
     def test_measures_that_differ_nowhere_are_left_out(self):
         picked = [3, 4, 5, 6, 7, 8, 9, 1]
