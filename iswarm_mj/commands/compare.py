@@ -31,7 +31,7 @@ _KINDS = (
     "a strategy, a task or a genome by its name, FILE.py:CLASS, a genome in JSON, a TOML file, "
     "or the directory of a finished run"
 )
-_WITHOUT_EFFECT = ("record_worlds", "record_grasps", "record")
+_WITHOUT_EFFECT = ("record_worlds", "record_grasps")
 """Settings of the runs that have no effect, since nothing is recorded."""
 _WIDTH = 88
 """Width of the lines of sentences."""
@@ -43,11 +43,7 @@ _SWITCHES = ("--again", "-h", "--help", "--help-all")
 
 @dataclass(frozen=True)
 class Compare(ComparisonPlan):
-    """Compare strategies, tasks, settings or finished runs in the same worlds.
-
-    It writes all worlds as a table, the effects with intervals as JSON, and a figure. Further flags
-    are those of `iswarm run`, for all candidates.
-    """
+    """Compare strategies, tasks, settings or finished runs in the same worlds, with intervals."""
 
     MAIN: ClassVar = ()
 
@@ -56,7 +52,8 @@ class Compare(ComparisonPlan):
     ] = ()
     """At least two: strategies, tasks and genomes by their names, FILE.py:CLASS, genomes in JSON,
     TOML files for --config, directories of finished runs; teams in quotes, as
-    "a.py:A=0.7 type2=0.3". Each is compared with the first."""
+    "a.py:A=0.7 type2=0.3". Each is compared with the first. Further flags are those of
+    `iswarm run`, for all of them."""
     again: tyro.conf.FlagCreatePairsOff[bool] = False
     """Repeat runs that --out already holds."""
     out: Path = Path("runs/compare")

@@ -19,6 +19,7 @@ FLAGS = [*ARENA_FLAGS, "--engine=planar", "--steps=4", "--robots=6"]
 CONFIG = """
 steps = 4
 robots = 6
+record = false
 engine = "planar"
 threads = 1
 seed = 3
