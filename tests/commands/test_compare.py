@@ -19,7 +19,6 @@ FLAGS = [*ARENA_FLAGS, "--engine=planar", "--steps=4", "--robots=6"]
 CONFIG = """
 steps = 4
 robots = 6
-record = false
 engine = "planar"
 threads = 1
 seed = 3
@@ -58,7 +57,7 @@ def content(path="runs/compare"):
 def test_strategies_a_finished_run_and_a_file_in_the_same_worlds(here, capfd):
     """A strategy of the user's, with the settings of a run that it is compared with."""
     (here / "walk.py").write_text(WALK)
-    (here / "b.toml").write_text(CONFIG)
+    (here / "b.toml").write_text(f"record = false\n{CONFIG}")
     assert code_of("run", *FLAGS, "--seed=3", "--worlds=3", "--no-record", "--out=runs/a") == 0
     capfd.readouterr()
 
