@@ -71,7 +71,7 @@ NEEDS = {
     ("tip", "--optimise"): "search",
 }
 """Extra that is named by each command; which of its packages depends on the order of imports."""
-OF_CORE = {"clean", "run", "inspect", "picture", "bench"}
+OF_CORE = {"clean", "run", "inspect", "picture", "bench", "cache"}
 """Commands that need no extra."""
 
 

@@ -12,6 +12,7 @@ import tyro
 
 from iswarm_mj._version import __version__
 from iswarm_mj.commands.bench import Bench
+from iswarm_mj.commands.cache import Cache
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.command_settings import ineffective_settings, settings, without_effect
 from iswarm_mj.commands.compare import Compare
@@ -42,6 +43,7 @@ COMMANDS: dict[str, type] = {
     "inspect": Inspect,
     "picture": Picture,
     "bench": Bench,
+    "cache": Cache,
     "grasp": Grasp,
     "fit": Fit,
     "tip": Tip,

@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
-import platformdirs
 from filelock import FileLock
 from numba.core import config
+
+from iswarm_mj.utils.program_cache import cache_folder
 
 CHECKSUMS = "files.json"
 """File beside those of numba, with a record (`_FileRecord`) of each of them by its path."""
@@ -170,7 +171,7 @@ def _root() -> Path:
     """Return the folder of all programs, in NUMBA_CACHE_DIR if it is set, else the user's cache."""
     if config.CACHE_DIR:
         return Path(config.CACHE_DIR) / "iswarm_mj"
-    return platformdirs.user_cache_path("iswarm_mj", appauthor=False) / "numba"
+    return cache_folder() / "numba"
 
 
 @cache

@@ -6,12 +6,13 @@ import platform
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
-
-import platformdirs
 
 from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
+from iswarm_mj.utils.program_cache import cache_folder, trim
 
 
 class _Rule(NamedTuple):
@@ -67,7 +68,8 @@ if hasattr(os, "register_at_fork"):
 def configure_jax() -> None:
     """Check the settings of JAX, and let it keep compiled programs in the user's cache.
 
-    Each host has its own directory there, which is in XDG_CACHE_HOME or ~/.cache on Linux. A
+    Each host has its own directory there, which is in XDG_CACHE_HOME or ~/.cache on Linux; what was
+    not used for longest goes when the cache becomes too large (`program_cache.trim`). A
     directory that is already set takes precedence, by JAX_COMPILATION_CACHE_DIR or in Python. The
     function may be called any number of times.
 
@@ -79,9 +81,9 @@ def configure_jax() -> None:
     import jax
 
     if not jax.config.jax_compilation_cache_dir:
-        user_cache = platformdirs.user_cache_path("iswarm_mj", appauthor=False)
-        directory = user_cache / f"jax-{platform.node()}"
+        directory = cache_folder() / f"jax-{platform.node()}"
         jax.config.update("jax_compilation_cache_dir", str(directory))
+    _trim_once(cache_folder())
 
     # Keep all programs, however small.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
@@ -89,6 +91,12 @@ def configure_jax() -> None:
 
     # Run programs in the thread that calls them: another thread takes 0.06 ms a control step.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
+
+
+@cache
+def _trim_once(folder: Path) -> None:
+    """Keep a cache folder from growing for ever; see `program_cache.trim`."""
+    trim(folder)
 
 
 def check_jax() -> None:

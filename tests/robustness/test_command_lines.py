@@ -30,8 +30,10 @@ STARTS = [
     "iswarm_mj.gripper.bench.force_curve.force_curve",
     "iswarm_mj.output.offscreen.ArenaRenderer",
     "iswarm_mj.player.video.Painter",
+    "iswarm_mj.commands.cache.remove",
 ]
-"""Functions and classes by which physics, pictures or workers would start."""
+"""Functions and classes by which physics, pictures or workers would start, or the cache would be
+emptied."""
 REFUSAL = re.compile(r"(iswarm: (placing|preparing) [^\n]+\n)*iswarm: [^\n]+\n")
 """One sentence, perhaps after what was prepared."""
 OUTCOMES = {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}

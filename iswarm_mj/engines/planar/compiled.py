@@ -22,13 +22,15 @@ _WITHOUT_WRAPPERS: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapp
 compiled = numba.njit(**_WITHOUT_WRAPPERS)
 """Compile a function that other compiled functions call."""
 
-uncounted: Any = numba.njit(_nrt=False, **_WITHOUT_WRAPPERS)
+uncounted: Any = numba.njit(_nrt=False, **_WITHOUT_WRAPPERS)  # pyright: ignore[reportCallIssue]
 """Compile a function that allocates nothing and returns no arrays.
 
 Without this option of numba, each use of an array in a tuple counts its owners, which takes most
 of the time of light."""
 
-inlined: Any = numba.njit(_nrt=False, forceinline=True, **_WITHOUT_WRAPPERS)
+inlined: Any = numba.njit(  # pyright: ignore[reportCallIssue]
+    _nrt=False, forceinline=True, **_WITHOUT_WRAPPERS
+)
 """Compile a function as `uncounted` does that is called so often that passing its arguments would
 take time, or in one place only."""
 
