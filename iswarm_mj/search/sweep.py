@@ -277,7 +277,7 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
 def _shifts(place_of_value: Mapping[Any, float], n_lines: int) -> np.ndarray:
     """Return how far each line (n_lines,) is shifted to the right, so that no bar hides another."""
     places = sorted(place_of_value.values())
-    least_gap = np.diff(places).min(initial=np.inf)
+    least_gap = np.diff(np.asarray(places, float)).min(initial=np.inf)
     total = 0.3 * least_gap if len(places) > 1 else 0.0
     return total * (np.arange(n_lines) - (n_lines - 1) / 2) / n_lines
 

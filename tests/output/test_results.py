@@ -34,6 +34,7 @@ class TestContent:
             identity={},
             robot=read_robot(None),
             robot_file=None,
+            tip=None,
             task=CLEANING,
             goal=24,
             step=55,
