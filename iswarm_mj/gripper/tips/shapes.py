@@ -189,8 +189,8 @@ _EXAMPLE = "write a header such as `r [um],z [um]`, then a point a line"
 class _Column(NamedTuple):
     """A column of a table of points."""
 
-    index: int
-    """Place in each row."""
+    place: int
+    """Place in each row, from 0."""
     unit: float
     """Unit of its numbers [m]."""
 
@@ -218,7 +218,7 @@ def _read_header(path: Path, titles: list[str]) -> list[_Column]:
 def _read_point(path: Path, number: int, row: list[str], columns: list[_Column]) -> list[float]:
     """Return the point (r, z) of a row of a table [m]; its number is for messages."""
     try:
-        point = [float(row[column.index]) * column.unit for column in columns]
+        point = [float(row[column.place]) * column.unit for column in columns]
     except (ValueError, IndexError):
         point = [math.nan]
     if not all(map(math.isfinite, point)):
