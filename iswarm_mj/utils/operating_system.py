@@ -10,6 +10,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from multiprocessing.connection import Connection
 
 IS_WINDOWS = sys.platform == "win32"
@@ -64,24 +65,26 @@ def own_group() -> dict[str, Any]:
     return {"process_group": 0}
 
 
-def inheriting(connection: "Connection") -> dict[str, Any]:
-    """Return arguments of `subprocess.Popen` for a process that gets an end of a pipe.
+def inheriting(connections: "Iterable[Connection]") -> dict[str, Any]:
+    """Return arguments of `subprocess.Popen` for a process that gets ends of pipes.
 
-    It opens the end by `inherited_connection` with the number `connection.fileno()`.
+    It opens each end by `inherited_connection` with the number `connection.fileno()`.
     """
-    number = connection.fileno()
+    numbers = [connection.fileno() for connection in connections]
     if not IS_WINDOWS:
-        return {"pass_fds": [number]}
-    os.set_handle_inheritable(number, True)
-    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": [number]})}
+        return {"pass_fds": numbers}
+    for number in numbers:
+        os.set_handle_inheritable(number, True)
+    return {"startupinfo": subprocess.STARTUPINFO(lpAttributeList={"handle_list": numbers})}
 
 
 def inherited_connection(number: int) -> "Connection":
     """Return the end of a pipe that this process got from its parent, see `inheriting`."""
     from multiprocessing import connection
 
-    kind = getattr(connection, "PipeConnection", connection.Connection)  # of Windows, else of POSIX
-    return kind(number)
+    if IS_WINDOWS:
+        return connection.PipeConnection(number)
+    return connection.Connection(number)
 
 
 def c_library() -> ctypes.CDLL:

@@ -66,17 +66,21 @@ class _Worker:
     """
 
     def __init__(self):
-        self.connection, far_end = Pipe()
-        number = far_end.fileno()
+        self.connection, end_for_calls = Pipe()
+        # The worker ends when this process closes the lifeline, or ends itself.
+        end_of_lifeline, self._lifeline = Pipe(duplex=False)
+        inherited = [end_for_calls, end_of_lifeline]
+        numbers = [str(end.fileno()) for end in inherited]
         python_path = os.pathsep.join(sys.path)
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "iswarm_mj.utils.worker", str(number)],
-            stdin=subprocess.PIPE,  # the worker ends when this process closes it, or ends itself
+            [sys.executable, "-P", "-m", "iswarm_mj.utils.worker", *numbers],
+            stdin=subprocess.DEVNULL,
             env={**os.environ, **_VARIABLES, "PYTHONPATH": python_path},
-            **inheriting(far_end),
+            **inheriting(inherited),
             **own_group(),
         )
-        far_end.close()
+        for end in inherited:
+            end.close()
 
     @property
     def is_alive(self) -> bool:
@@ -112,8 +116,9 @@ class _Worker:
     def stop(self) -> None:
         """End the process, whatever it does."""
         self._process.kill()
-        self._process.communicate()  # closes its input, and waits
+        self._process.wait()
         self.connection.close()
+        self._lifeline.close()
 
 
 _idle: list[_Worker] = []

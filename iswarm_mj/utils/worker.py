@@ -16,12 +16,16 @@ _HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncat
 
 
 def main() -> None:
-    """Make calls until the parent closes the connection, whose number is the argument."""
+    """Make calls until the parent closes the connection for calls.
+
+    The arguments of the program are the numbers of the two ends of pipes that it inherits: the one
+    for calls, and the one that the parent holds open while the process shall live.
+    """
     # While one worker writes a compiled program, another may read half of it, and compiles the
     # program itself then.
     warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    connection = inherited_connection(int(sys.argv[1]))
+    connection, lifeline = (inherited_connection(int(number)) for number in sys.argv[1:])
+    threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
     with suppress(EOFError, ConnectionError):
         while True:
             connection.send(_answer(connection))
@@ -52,9 +56,14 @@ def _answer(connection: Connection) -> tuple[Any, Exception | None]:
         return None, error
 
 
-def _end_with_parent() -> None:
-    """End when the parent closes this process's input, or ends itself, in the middle of a call."""
-    os.read(sys.stdin.fileno(), 1)  # `sys.stdin` has a lock, with which Python would not end
+def _end_with_parent(lifeline: Connection) -> None:
+    """End when the parent closes the lifeline, or ends itself, in the middle of a call.
+
+    The lifeline is no standard handle: on Windows the loader of libraries waits for reads of
+    standard input that are under way (numpy/numpy#24290).
+    """
+    with suppress(EOFError, OSError):
+        lifeline.recv_bytes()  # nothing is ever sent
     os._exit(1)
 
 

@@ -55,6 +55,11 @@ def environment(name):
     return os.environ.get(name)
 
 
+def has_no_input(number):
+    """Return true if the standard input of this process is the null device."""
+    return os.path.samestat(os.fstat(0), os.stat(os.devnull))
+
+
 def results(call, numbers, *how):
     with closing(unordered(call, ((number,) for number in numbers), *how)) as returned:
         return sorted(returned)
@@ -75,6 +80,11 @@ def test_every_call_is_made_once(workers):
 def test_workers_start_once_and_see_no_gpu():
     assert len({*results(place, range(9), 2), *results(place, range(9), 2)} - {os.getpid()}) <= 2
     assert results(environment, ["JAX_PLATFORMS"], 2) == ["cpu"]
+
+
+def test_workers_wait_at_no_standard_input():
+    """On Windows, libraries that a worker loads would wait for its reads of standard input."""
+    assert results(has_no_input, range(2), 2) == [True, True]
 
 
 def test_a_lost_worker_is_reported_and_the_next_call_works():
