@@ -68,6 +68,7 @@ install_import_hook(CHECKED, "support.types.check")
 from hypothesis import settings
 from support import draws
 from support.small import SMALL
+from support.systems import NOT_ON_WINDOWS
 
 from iswarm_mj.utils.jax_setup import configure_jax
 
@@ -81,8 +82,7 @@ settings.load_profile("repeatable")
 
 collect_ignore = []
 if sys.platform == "win32":
-    # They name signals that Windows lacks when they are imported.
-    collect_ignore += ["utils/test_signals.py", "robustness/test_ends.py"]
+    collect_ignore += NOT_ON_WINDOWS
 
 
 FAST_COMPILATION = [

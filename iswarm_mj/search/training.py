@@ -213,7 +213,7 @@ def _settings(
     del plan["generations"]  # a training may go on for longer
     robots = []
     for path, n_robots in files_of(robot_file):
-        robots.append((path and path.read_text(), n_robots))
+        robots.append((path and path.read_text(encoding="utf-8"), n_robots))
     return {
         **plan,
         "strategy": to_json(strategy),

@@ -1,6 +1,5 @@
 """The journal of finished runs: it keeps what was added, and refuses what does not fit."""
 
-import resource
 import signal
 import sqlite3
 import subprocess
@@ -8,6 +7,7 @@ import sys
 from contextlib import closing
 
 import pytest
+from support.files import full_disk
 
 from iswarm_mj.search import journal as journals
 from iswarm_mj.search.journal import RUNS, count, hashed, journal
@@ -77,6 +77,7 @@ with journal(path, {}) as runs:
 """
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signal that kills")
 def test_each_run_is_kept_when_the_process_is_killed(path):
     """Also when a transaction has begun by then."""
     process = subprocess.run([sys.executable, "-c", KILLED, path], check=False)
@@ -86,27 +87,24 @@ def test_each_run_is_kept_when_the_process_is_killed(path):
 
 def test_a_full_disk_is_an_error_and_the_file_stays_good(path, entries):
     """A limit of the file's size stands for that of the disk."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     with journal(path, SETTINGS) as runs:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, limits[1]))
-        try:
-            with pytest.raises(UserError, match=r"checkpoint\.sqlite cannot be written"):
-                runs.add((2, 0, 0), "much" * 9999)
-        finally:
-            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        with (
+            full_disk(path.stat().st_size),
+            pytest.raises(UserError, match=r"checkpoint\.sqlite cannot be written"),
+        ):
+            runs.add((2, 0, 0), "much" * 9999)
         assert runs.entries == entries
     assert read(path) == entries
 
 
 def test_a_journal_is_begun_whole_or_not_at_all(path):
     """The first entry does not fit on the disk."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, limits[1]))
-    try:
-        with pytest.raises(UserError, match="cannot be written"), journal(path, {"a": "b" * 9999}):
-            pass
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with (
+        full_disk(8192),
+        pytest.raises(UserError, match="cannot be written"),
+        journal(path, {"a": "b" * 9999}),
+    ):
+        pass
     assert read(path) == {}
 
 

@@ -1,13 +1,16 @@
 """Full disks and small memories, by the system's limits; and the memory in use."""
 
-import resource
+import sys
 from contextlib import contextmanager
-from pathlib import Path
+
+import psutil
+import pytest
 
 
 @contextmanager
 def full_disk(n_bytes=0):
     """Let no file become larger than this, in this process and in those it starts."""
+    resource = pytest.importorskip("resource", reason="Windows limits no files")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
     try:
@@ -19,8 +22,12 @@ def full_disk(n_bytes=0):
 @contextmanager
 def little_memory(n_bytes):
     """Let this process have only so many bytes more than it has."""
+    if sys.platform != "linux":
+        pytest.skip("only Linux limits the memory of a process")
+    import resource
+
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    now = psutil.Process().memory_info().vms
     resource.setrlimit(resource.RLIMIT_AS, (now + n_bytes, hard))
     try:
         yield
@@ -30,4 +37,4 @@ def little_memory(n_bytes):
 
 def memory_mb():
     """Return the resident memory of this process [MB]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6
+    return psutil.Process().memory_info().rss / 1e6

@@ -6,7 +6,6 @@ Environment variables that commands refuse stand in commands/refusals.txt.
 
 import multiprocessing
 import os
-import resource
 import subprocess
 import sys
 
@@ -61,8 +60,11 @@ def short_scenario():
 
 
 class TestSystem:
+    @pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits the memory of a process")
     @pytest.mark.parametrize("megabytes", [300, 1000, 2000])
     def test_too_little_address_space_is_refused(self, tmp_path, megabytes):
+        import resource
+
         def limit_memory():
             n_bytes = megabytes * 10**6
             resource.setrlimit(resource.RLIMIT_AS, (n_bytes, n_bytes))

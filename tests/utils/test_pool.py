@@ -35,7 +35,7 @@ def faulty(number):
 
 
 def dying(number):
-    os.kill(os.getpid(), signal.SIGKILL)
+    os._exit(9)
 
 
 def place(number):
@@ -166,8 +166,18 @@ except KeyboardInterrupt:
 """A script that workers must not run again: it has no `if __name__ == "__main__"`."""
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_workers_end_with_their_parent(tmp_path, number):
+@pytest.mark.parametrize(
+    "is_killed",
+    [
+        pytest.param(
+            False,
+            id="interrupted",
+            marks=pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such signal"),
+        ),
+        pytest.param(True, id="killed"),
+    ],
+)
+def test_workers_end_with_their_parent(tmp_path, is_killed):
     script = tmp_path / "many.py"
     script.write_text(SCRIPT)
     script.with_name("calls.py").write_text(CALLS)
@@ -178,17 +188,15 @@ def test_workers_end_with_their_parent(tmp_path, number):
         assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
         workers = workers_of(process.pid)
         assert len(workers) == 2
-        if number == signal.SIGINT:  # as a terminal does, to the workers too
-            os.killpg(process.pid, number)
-            out, error = process.communicate(timeout=LIMIT)
-            assert (
-                process.returncode == 130
-                and out.endswith("interrupted\n")
-                and "Traceback" not in error
-            )
-        else:
+        if is_killed:
             process.kill()
             process.wait(timeout=LIMIT)
+        else:  # as a terminal does, to the workers too
+            os.killpg(process.pid, signal.SIGINT)
+            out, error = process.communicate(timeout=LIMIT)
+            assert process.returncode == 130
+            assert out.endswith("interrupted\n")
+            assert "Traceback" not in error
     assert psutil.wait_procs(workers, LIMIT)[1] == []
 
 
