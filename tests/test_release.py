@@ -44,10 +44,27 @@ def test_the_suite_runs_on_all_pythons_and_systems():
 def test_only_the_job_that_publishes_has_a_permission_and_none_a_secret():
     release = read_yaml(".github/workflows/release.yml")
     permissions = {name: job.get("permissions") for name, job in release["jobs"].items()}
-    assert permissions == {"build": None, "use": None, "publish": {"id-token": "write"}}
+    publish = permissions.pop("publish")
+    assert publish == {"id-token": "write"}
+    assert set(permissions.values()) == {None}
     assert release["permissions"] == {"contents": "read"}
     assert release["jobs"]["publish"]["environment"] == "pypi"
     assert "secrets." not in (ROOT / ".github/workflows/release.yml").read_text(encoding="utf-8")
+
+
+def test_nothing_is_published_without_the_suite():
+    jobs = read_yaml(".github/workflows/release.yml")["jobs"]
+    assert jobs["publish"]["needs"] == ["ci", "use"]
+    assert jobs["ci"] == {"uses": "./.github/workflows/ci.yml"}
+    events = read_yaml(".github/workflows/ci.yml")[True]  # YAML reads `on` as a boolean
+    assert "workflow_call" in events
+
+
+def test_caches_of_pip_follow_the_requirements():
+    """By default, setup-python asks for a requirements.txt, which is not here."""
+    for job in read_yaml(".github/workflows/ci.yml")["jobs"].values():
+        (setup,) = (step for step in job["steps"] if "setup-python" in step.get("uses", ""))
+        assert setup["with"]["cache-dependency-path"] == "pyproject.toml"
 
 
 def test_the_recipe_has_the_version_and_the_requirements():
