@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from support.cli import ARENA_FLAGS, WALK, code_of
+from support.small import SMALL
 
 import iswarm_mj as im
 import iswarm_mj.search.compare as compare_module
@@ -157,3 +158,23 @@ def test_python_compares_scenarios_strategies_and_files(here, monkeypatch):
 def test_python_refuses_in_one_sentence(candidates, plan, message):
     with pytest.raises(im.UserError, match=message):
         im.compare(candidates, **plan)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", [im.PlanarSettings(threads=1), im.MujocoSettings(threads=1)])
+def test_worlds_that_are_added_are_those_of_one_run(engine):
+    """Of any engine, and also for a strategy that is no genome."""
+    scenario = im.Scenario(
+        SMALL,
+        task=im.Aggregation(spot_radius=3.0, spot_offset=4.0),
+        robots=20,
+        steps=12,
+        seed=4,
+        engine=engine,
+    )
+    candidates = {"genome": im.PRESETS["type1"], "bees": im.Beeclust()}
+    plan = {"measure": "collisions", "worlds": 2, "precision": 1e-9, "max_worlds": 5}
+    added = im.compare(candidates, scenario, **plan)
+    at_once = im.compare(candidates, scenario, worlds=4)
+    assert added.rows() == at_once.rows()
+    assert len(added.rows()) == 8
