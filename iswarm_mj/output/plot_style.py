@@ -1,4 +1,4 @@
-"""The common style of all figures, which are written as PNG and SVG.
+"""The common style of all figures: those of results are PNG and SVG, those of pages SVG.
 
 Matplotlib is imported when a figure is drawn: it belongs to an extra, and modules that draw also
 read tables, which needs no more than the core.
@@ -103,7 +103,6 @@ def write_themed(path: Path, draw: Callable[[list[Axes], Theme], None], **layout
             "font.family": "sans-serif",
             "savefig.transparent": True,
             "axes.titlesize": 9,
-            "hatch.linewidth": 0.6,
         }
         inked = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
         with matplotlib.rc_context({**style, **dict.fromkeys(inked, theme.ink)}):

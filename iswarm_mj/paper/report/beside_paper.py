@@ -1,13 +1,16 @@
 """Cards of the page that has our figures beside the paper's values, with a verdict for each."""
 
 import csv
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from operator import attrgetter
 from typing import NamedTuple
 
+from iswarm_mj.config.static import MESSAGE_BITS
 from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.paper.analysis.choice_effects import effects_of_choices
 from iswarm_mj.paper.analysis.findings import (
     FAILS,
@@ -17,12 +20,18 @@ from iswarm_mj.paper.analysis.findings import (
     Finding,
     claim_of,
 )
-from iswarm_mj.paper.report.paper_figures import FIGURES, TABLE_1, PaperFigure
+from iswarm_mj.paper.report.paper_figures import (
+    FIGURES,
+    TABLE_1,
+    PaperFigure,
+    TableOneRow,
+)
 from iswarm_mj.paper.report.results import Topic
 from iswarm_mj.search.rows import Rows
 
 DIRECTORY = "beside-paper"
 """Directory of the figures, below that of the results."""
+_JUDGED = (HOLDS, FAILS, UNDECIDED)
 
 
 class _Line(NamedTuple):
@@ -57,7 +66,11 @@ def tally(topics: Sequence[Topic]) -> str:
         for finding in topic.findings
         if finding.source != NOT_IN_PAPER
     ]
-    return f"**{len(verdicts)}** statements of the paper are judged: {_counts_text(verdicts)}."
+    judged = [verdict for verdict in verdicts if verdict in _JUDGED]
+    number = f"**{len(judged)}**"
+    if len(judged) < len(verdicts):
+        number += f" of {len(verdicts)}"
+    return f"{number} statements of the paper are judged: {_counts_text(judged)}."
 
 
 def cards(topics: Sequence[Topic], directory: str) -> str:
@@ -90,7 +103,8 @@ def _verdict_on(figure: PaperFigure, findings: Mapping[str, Finding]) -> str:
     verdicts = [findings[line.claim].verdict for line in lines]
     if set(verdicts) == {HOLDS}:
         held = "; ".join(line.statement[0].lower() + line.statement[1:] for line in lines)
-        return f"**All {len(lines)} statements hold**: {held}."
+        number = "Both" if len(lines) == 2 else f"All {len(lines)}"
+        return f"**{number} statements hold**: {held}."
 
     # Statements with one verdict for one reason share a line.
     missing: dict[tuple[str, str], list[str]] = {}
@@ -131,22 +145,42 @@ def _count_text(number: int, singular: str, plural: str) -> str:
 
 def _verdict_on_table_1(rows: Rows) -> str:
     """Return the verdict on Table 1: whether its values are the defaults, and what others do."""
-    config = SwarmConfig()
-    settings = [row for row in TABLE_1 if row.setting]
-    changed = [row.name for row in settings if attrgetter(row.setting)(config) != row.value]
+    changed = _changed_values(TABLE_1)
     if changed:
         sentence = f"**Not the defaults here: {', '.join(changed)}.**"
     else:
         sentence = f"**All {len(TABLE_1)} values are used unchanged.**"
 
-    choices = {row.setting for row in settings}
+    choices = {row.setting for row in TABLE_1}
     effects = [effect for effect in effects_of_choices(rows) if effect.choice in choices]
-    fewest = min(effect.adjusted_p for effect in effects)
-    if fewest < 0.05:
+    if not effects:
+        return sentence
+
+    smallest_p = min(effect.adjusted_p for effect in effects)
+    if smallest_p < 0.05:
         return (
-            f"{sentence} Other values change the time to the goal (least p by Holm {fewest:.2g})."
+            f"{sentence} Other values change the time to the goal "
+            f"(least p by Holm {smallest_p:.2g})."
         )
     return (
         f"{sentence} Of {len(effects)} other values none changes the time to the goal clearly "
         "(bars: 95 % intervals; all p above 0.05 by Holm)."
     )
+
+
+def _changed_values(table: Sequence[TableOneRow]) -> list[str]:
+    """Return the names of those lines of Table 1 whose values are not the defaults here."""
+    config = SwarmConfig()
+    bearings = read_robots(None).sides.led_bearings
+    value_of_robot = {
+        "Number-of-LEDs": len(bearings),
+        "Inter-LED-angle": math.degrees(bearings[1] - bearings[0]),
+        "Communication-capacity": MESSAGE_BITS,
+    }
+
+    names = []
+    for row in table:
+        used = attrgetter(row.setting)(config) if row.setting else value_of_robot[row.name]
+        if not math.isclose(used, row.value):
+            names.append(row.name)
+    return names

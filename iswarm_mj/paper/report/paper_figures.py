@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from PIL import Image
@@ -23,6 +24,7 @@ from iswarm_mj.paper.analysis.measures import Measure, values
 from iswarm_mj.paper.report.results import Result
 from iswarm_mj.search.rows import Rows, by, select
 from iswarm_mj.strategy.genome import TYPE1, TYPE2, Genome
+from iswarm_mj.utils.arrays import Array
 
 UM = 1e6
 """Micrometres per metre."""
@@ -34,6 +36,10 @@ _SCOUTS_OF_CLEAN = (0.16, 0.12)
 """Mean and standard deviation of the fraction of scouts in the paper's successful swarms."""
 _FORGETTING_OF_CLEAN = (0.28, 0.13)
 """Mean and standard deviation of p(vector-forget) in the paper's successful swarms."""
+_TITLE_HEIGHT = 90
+"""Height of the title above the arena in a picture of a swarm [pixel]."""
+_LEGEND_HEIGHT = 110
+"""Height of scale and legend below the arena in a picture of a swarm [pixel]."""
 _HALF = (4.6, 2.7)
 """Size of a figure with one panel [inch]."""
 
@@ -188,16 +194,15 @@ def _draw_trade_off(panel: Axes, samples: Sequence[Evolution], theme: Theme) -> 
 def _draw_trend(panel: Axes, sample: Evolution, theme: Theme) -> None:
     """Draw the mean of the fittest swarms of an evolution, and least squares through 90 % of them.
 
-    Evolutions whose fittest have all the same share of scouts are left out.
+    There is no line where the fittest have all the same share of scouts.
     """
     scouts = np.array([row["fraction_scouts"] for row in sample.fittest])
     forgetting = np.array([row["p_vector_forget"] for row in sample.fittest])
-    if np.ptp(scouts) == 0:
-        return
-    slope, _ = np.polyfit(scouts, forgetting, 1)
-    ends = np.quantile(scouts, [0.05, 0.95])
-    line = forgetting.mean() + slope * (ends - scouts.mean())
-    panel.plot(ends, line, color=theme.ours, lw=1.2)
+    if np.ptp(scouts) > 0:
+        slope, _ = np.polyfit(scouts, forgetting, 1)
+        ends = np.quantile(scouts, [0.05, 0.95])
+        line = forgetting.mean() + slope * (ends - scouts.mean())
+        panel.plot(ends, line, color=theme.ours, lw=1.2)
     panel.plot(scouts.mean(), forgetting.mean(), "o", color=theme.ours, ms=3)
 
 
@@ -286,12 +291,16 @@ def _draw_types(results: Results, axes: list[Axes], theme: Theme) -> None:
 def _draw_picture(panel: Axes, path: Path) -> None:
     """Draw the arena of a picture that the experiment on types made, white as the floor."""
     panel.set_axis_off()
-    if path.is_file():
-        with Image.open(path) as picture:
-            width, height = picture.size
-            arena = picture.convert("RGB").crop((0, height - width - 70, width, height - 110))
-        arena.thumbnail((300, 300))
-        panel.imshow(np.asarray(arena) / 255 * to_rgb(FLOOR), interpolation="none")
+    if not path.is_file():
+        panel.text(0.5, 0.5, f"{path.name} is missing", ha="center", fontsize=8)
+        return
+
+    with Image.open(path) as picture:
+        width, height = picture.size
+        corners = (0, _TITLE_HEIGHT, width, height - _LEGEND_HEIGHT)
+        arena = picture.convert("RGB").crop(corners)
+    arena.thumbnail((300, 300))
+    panel.imshow(np.asarray(arena) / 255 * to_rgb(FLOOR), interpolation="none")
 
 
 # --- Tables 1 and 2 ---
@@ -313,7 +322,7 @@ class TableOneRow(NamedTuple):
 TABLE_1 = (
     TableOneRow("Arena-size", "49 × 49 rd", 49.0, "arena.size"),
     TableOneRow("Dust-particles", "72", 72, "arena.n_dust"),
-    TableOneRow("Robot-speed", "0.5 rd/step", 0.5, ""),
+    TableOneRow("Robot-speed", "0.5 rd/step", 0.5, "drive.step_length"),
     TableOneRow("Error-distance-measure", "10 %", 0.1, "optics.error_distance_measure"),
     TableOneRow("Error-in-communication", "10 %", 0.1, "optics.error_in_communication"),
     TableOneRow("Communication-radius", "3.5 rd", 3.5, "optics.communication_radius"),
@@ -335,8 +344,11 @@ def _draw_table_1(results: Results, axes: list[Axes], theme: Theme) -> None:
 
     for place, row in enumerate(TABLE_1):
         panel.plot(0, place, "D", color=theme.paper, ms=6)
-        for number, effect in enumerate(effects.get(row.setting, ())):
-            _draw_effect(panel, place + 0.22 * (2 * number - 1), effect, theme)
+        effects_of_row = effects.get(row.setting, [])
+        for height, effect in zip(
+            _heights_in_row(len(effects_of_row)), effects_of_row, strict=True
+        ):
+            _draw_effect(panel, place + height, effect, theme)
 
     # Marks without places, for the legend alone.
     panel.plot([], [], "D", color=theme.paper, ms=6, label="paper and ours")
@@ -345,6 +357,11 @@ def _draw_table_1(results: Results, axes: list[Axes], theme: Theme) -> None:
     panel.set_ylim(len(TABLE_1) - 0.4, -0.6)
     panel.set_xlabel("change of the mean time [steps]")
     _legend_above(panel, left=-0.6)
+
+
+def _heights_in_row(number: int) -> Float[Array, "number"]:
+    """Return heights for a number of marks in a row of height 1, from -0.22 to 0.22 about 0."""
+    return np.linspace(-0.22, 0.22, number) if number > 1 else np.zeros(number)
 
 
 def _draw_effect(panel: Axes, height: float, effect: ChoiceEffect, theme: Theme) -> None:
