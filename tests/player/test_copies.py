@@ -88,6 +88,7 @@ def test_switches_of_a_genome():
     assert copy.start.genome == switched
 
 
+@pytest.mark.slow
 def test_robots_that_are_moved_and_fail(assert_repeats):
     scenario = replace(PAGE_SCENARIO, failing="0.2:2")
     session = begun(scenario, n=2)
@@ -101,6 +102,7 @@ def test_robots_that_are_moved_and_fail(assert_repeats):
     assert_repeats(session)
 
 
+@pytest.mark.slow
 def test_rules_of_one_team_that_change(assert_repeats):
     session = begun(of_teams(type1=TYPE1, type2=PRESETS["type2"]), n=2)
     session.set("type2.p_vector_forget", 0.75)
