@@ -1,12 +1,17 @@
 """Tables of results in Markdown, and the blocks of pages that they fill."""
 
+from pathlib import Path
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from support.findings import grasp_rows
 
+from iswarm_mj.paper.report import page_blocks
 from iswarm_mj.paper.report.markdown import cell_text
 from iswarm_mj.paper.report.number_tables import trials_table
 from iswarm_mj.paper.report.page_blocks import changed_pages, fill_blocks
+from iswarm_mj.paper.report.results import Result, Topic
 
 
 def test_faulty_trials_do_not_count():
@@ -88,3 +93,31 @@ class TestText:
         assert cell_text("p < 0.001 | a") == "p < 0.001 \\| a"
         markup = "<script>x</script> ![i](http://a)"
         assert cell_text(markup) == "&lt;script>x&lt;/script> ![i]\\(http://a)"
+
+
+def place_text(**settings):
+    """Return the text on a directory whose table has these settings."""
+    result = Result("types", Path("types.parquet"), [], settings)
+    return page_blocks._place_text("results/a", Topic("types", "", [], [result]))
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"accuracy": 0.1, "refinement": 2}, "`results/a`"),
+        ({"refinement": 1}, "`results/a`, made with `--refinement 1`"),
+        (
+            {"accuracy": 0.01, "refinement": 1},
+            "`results/a`, made with `--accuracy 0.01 --refinement 1`",
+        ),
+        ({}, "`results/a`"),
+    ],
+)
+def test_tables_say_which_settings_of_physics_are_not_the_defaults(settings, text):
+    assert place_text(**settings) == text
+
+
+def test_the_resamples_outside_of_an_interval_are_counted(monkeypatch):
+    monkeypatch.setattr("iswarm_mj.utils.intervals.RESAMPLES", 9999)
+    assert " lie 250.0 of 9999 resamples " in page_blocks._tails_text(level=0.95)
+    assert " lie 2.3 of 9999 resamples " in page_blocks._tails_text(level=1 - 0.05 / 107)

@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.paper.analysis.findings import (
     FAILS,
     HOLDS,
@@ -42,6 +43,7 @@ from iswarm_mj.paper.report.results import (
     explaining_damage,
     topics_of,
 )
+from iswarm_mj.utils import intervals
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import read_text
 from iswarm_mj.utils.intervals import LEVEL
@@ -175,9 +177,21 @@ def _numbers_and_verdicts(topic_at: Mapping[str, Topic]) -> str:
     for place, topic in topic_at.items():
         numbers = _numbers(topic)
         if numbers:
-            texts.append(f"`{place}`:\n\n{numbers}" if len(topic_at) > 1 else numbers)
+            heading = f"{_place_text(place, topic)}:\n\n" if len(topic_at) > 1 else ""
+            texts.append(heading + numbers)
     texts.append(_verdicts(topic_at))
     return "\n\n".join(texts)
+
+
+def _place_text(place: str, topic: Topic) -> str:
+    """Return a directory, with those settings of planar's physics that are not the defaults."""
+    settings = topic.results[0].settings
+    flags = []
+    for name in ("accuracy", "refinement"):
+        value = settings.get(name)
+        if value is not None and value != getattr(PlanarSettings, name):
+            flags.append(f"--{name} {value:g}")
+    return f"`{place}`, made with `{' '.join(flags)}`" if flags else f"`{place}`"
 
 
 def _numbers(topic: Topic) -> str:
@@ -308,7 +322,16 @@ def _family_wise(topics: Topics) -> str:
         f"Family-wise: with intervals at {100 * level:.2f} %, by Bonferroni for these "
         f"{len(judged)} verdicts on runs and trials, {len(decided) - len(lost)} of the "
         f"{len(decided)} decided ones stay. Of the paper's statements these become undecided: "
-        f"{'; '.join(lost_of_paper) or 'none'}."
+        f"{'; '.join(lost_of_paper) or 'none'}. {_tails_text(level)}"
+    )
+
+
+def _tails_text(level: float) -> str:
+    """Return a sentence on how few resamples lie outside of an interval by bootstrap."""
+    n_outside = intervals.RESAMPLES * (1 - level) / 2
+    return (
+        f"At each end of such an interval by bootstrap lie {n_outside:.1f} of {intervals.RESAMPLES} "
+        "resamples on average, so verdicts near a limit may change with the random numbers."
     )
 
 
