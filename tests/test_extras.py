@@ -154,6 +154,29 @@ def test_public_names_come_or_name_their_extra():
     }
 
 
+def test_functions_that_draw_name_their_extra(tmp_path):
+    """Before they compute, and they make no directory."""
+    code = HIDE + (
+        "from pathlib import Path\n"
+        "import iswarm_mj as im\n"
+        "out = Path('out')\n"
+        "for call in (\n"
+        "    lambda: im.design_tip(im.TipSettings(), out),\n"
+        "    lambda: im.run_grasp(im.GraspSettings(), out),\n"
+        "    lambda: im.run_force_curves(im.GraspSettings(), (0.0,), out),\n"
+        "):\n"
+        "    try:\n"
+        "        call()\n"
+        "    except im.UserError as error:\n"
+        "        print(str(error).partition('[')[2])\n"
+    )
+    process = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert process.stdout.splitlines() == ['paper]"'] * 3
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_module_of_no_extra_stays_an_error_of_python():
     with pytest.raises(ModuleNotFoundError, match="no_such_module"), naming_extras():
         import no_such_module  # pyright: ignore[reportMissingImports] # noqa: F401

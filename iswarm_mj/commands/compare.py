@@ -1,6 +1,5 @@
 """`iswarm compare`: strategies, tasks, settings and finished runs in the same worlds."""
 
-import shlex
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +25,7 @@ from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import read_toml
+from iswarm_mj.utils.operating_system import split_words
 
 _KINDS = (
     "a strategy, a task or a genome by its name, FILE.py:CLASS, a genome in JSON, a TOML file, "
@@ -201,7 +201,7 @@ def _arguments_of(word: str) -> list[str]:
     if word in PRESETS:
         return ["--genome", word]
     if " " in word:
-        return ["--strategy", *shlex.split(word)]
+        return ["--strategy", *split_words(word)]
 
     from iswarm_mj.strategy.library import STRATEGIES, TASKS, find, installed
 

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import shlex
 import subprocess
 import sys
 import time
@@ -16,9 +15,10 @@ from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.widgets import copyable, show
-from iswarm_mj.simulation.scenario_flags import command_line
+from iswarm_mj.simulation.scenario_flags import flag_words
 from iswarm_mj.utils.constraints import Within, check
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.operating_system import shell_line
 
 MOST_VALUES = 12
 """Largest number of values of a sweep."""
@@ -112,7 +112,7 @@ class SweepFolder:
                 stderr=log,
             )
         self._began = time.monotonic()
-        show(self._command, "content", copyable(shlex.join(["iswarm", *words])))
+        show(self._command, "content", copyable(shell_line(["iswarm", *words])))
 
     def update(self) -> None:
         """Show how the sweep gets on, and its figure once it is complete."""
@@ -189,6 +189,6 @@ def sweep_words(
     texts = ",".join(f"{number:.6g}" for number in numbers)
     flags = scenario.values() | {"worlds": n_worlds, "steps": n_steps}
     flags.pop(name, None)
-    words = shlex.split(command_line("run", flags))[2:]
+    words = flag_words(flags)
     flag = name.replace("_", "-")
     return ["sweep", "run", *words, "--over", f"{flag}={texts}"]

@@ -1,6 +1,5 @@
 """Strategies and tasks of users' files, which are made again when the files have changed."""
 
-import shlex
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.simulation.scenario_flags import default_of, forget_made, is_same, made_of
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.utils.operating_system import split_words
 from iswarm_mj.utils.user_code import user_code
 
 Stamps = dict[Path, tuple[int, int]]
@@ -58,7 +58,7 @@ def renewed(scenario: PageScenario) -> PageScenario:
 def _files_of(scenario: PageScenario, part: str) -> Iterator[Path]:
     """Yield the files that the name of a strategy or a task states."""
     name = scenario.get(part)
-    words = shlex.split(name) if isinstance(getattr(scenario, part), Teams) else [name]
+    words = split_words(name) if isinstance(getattr(scenario, part), Teams) else [name]
     for word in words:
         path = Path(word.rpartition(":")[0] or word)
         if path.suffix == ".py" and path.exists():

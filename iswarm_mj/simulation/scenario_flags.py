@@ -22,6 +22,7 @@ from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find
 from iswarm_mj.strategy.teams import Team, Teams
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.operating_system import shell_line, split_words
 from iswarm_mj.utils.user_code import user_code
 
 if TYPE_CHECKING:
@@ -127,7 +128,7 @@ def values_of(scenario: "Scenario") -> dict[str, Any]:
     if not is_same(scenario.task, CLEANING):
         values["task"] = task
     if scenario.genome is None:
-        values["strategy"] = tuple(shlex.split(strategy)) if has_teams else strategy
+        values["strategy"] = tuple(split_words(strategy)) if has_teams else strategy
     elif strategy != "type1":
         values["genome"] = strategy
     if engine != MujocoSettings.name:
@@ -302,7 +303,7 @@ def made_of(kind: PluginKind, name: str) -> Any:
         UserError: there is no such strategy or task, or a field has no default.
     """
     if kind is STRATEGIES and re.search(r"=[\d.]+$", name):
-        teams = find_teams(shlex.split(name))
+        teams = find_teams(split_words(name))
         if teams:
             return Teams(
                 {team: (share, _object(plugin)) for team, (share, plugin) in teams.items()}
@@ -332,8 +333,12 @@ def _name(kind: PluginKind, cls: type) -> str:
 
 def command_line(command: str, values: Mapping[str, Any]) -> str:
     """Return a command with these settings as flags."""
-    words = [word for name, value in values.items() for word in _flag(name, value)]
-    return shlex.join(["iswarm", command, *words])
+    return shell_line(["iswarm", command, *flag_words(values)])
+
+
+def flag_words(values: Mapping[str, Any]) -> list[str]:
+    """Return the words of a command line that give settings as flags."""
+    return [word for name, value in values.items() for word in _flag(name, value)]
 
 
 def _flag(name: str, value: Any) -> list[str]:

@@ -1,5 +1,6 @@
 """Strategies and tasks by name: a class in a file, or an entry point of an installed package."""
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -105,9 +106,10 @@ def find(kind: PluginKind, name: str, shipped: Mapping[str, Any] | None = None) 
         UserError: there is no such file, class or name, or the file cannot be imported.
     """
     path, colon, class_name = name.rpartition(":")
-    if colon:
+    is_class = bool(colon) and not class_name.endswith(".py")  # else of a drive, as C:\walk.py
+    if is_class:
         return _find_in_file(kind, Path(path), class_name)
-    if name.endswith(".py") or "/" in name:
+    if name.endswith(".py") or "/" in name or os.sep in name:
         return _find_in_file(kind, Path(name), "")
 
     known: dict[str, Any] = {point.name: point for point in entry_points(group=kind.group)}

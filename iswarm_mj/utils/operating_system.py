@@ -4,13 +4,16 @@ import _thread
 import ctypes
 import os
 import select
+import shlex
 import signal
 import subprocess
 import sys
 from typing import TYPE_CHECKING, Any
 
+from iswarm_mj.utils.errors import UserError, shown
+
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from multiprocessing.connection import Connection
 
 IS_WINDOWS = sys.platform == "win32"
@@ -85,6 +88,29 @@ def inherited_connection(number: int) -> "Connection":
     if IS_WINDOWS:
         return connection.PipeConnection(number)
     return connection.Connection(number)
+
+
+def shell_line(words: "Sequence[str]") -> str:
+    """Return a command line that the shell of this system splits into these words."""
+    return subprocess.list2cmdline(words) if IS_WINDOWS else shlex.join(words)
+
+
+def split_words(text: str) -> list[str]:
+    """Return the words of a text, with quotes as in a shell, see `shlex.join`.
+
+    Backslashes are kept on all systems, since paths of Windows have them.
+
+    Raises:
+        UserError: a quotation has no end.
+    """
+    splitter = shlex.shlex(text, posix=True, punctuation_chars=False)
+    splitter.whitespace_split = True
+    splitter.commenters = ""
+    splitter.escape = ""
+    try:
+        return list(splitter)
+    except ValueError:
+        raise UserError(f"a quotation in {shown(text)} has no end; close it") from None
 
 
 def c_library() -> ctypes.CDLL:

@@ -26,6 +26,7 @@ from iswarm_mj.gripper.laws.detachment import (
 )
 from iswarm_mj.output.results import write_result
 from iswarm_mj.utils.directory_lock import locked
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import atomic_write
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings, settings_of
@@ -76,6 +77,7 @@ def run_fit(fitted: Fit, places: Places, n_trials: int, out: Path, source: str) 
         out: directory of the files.
         source: what the fit was made from, for the files.
     """
+    require("paper")
     from iswarm_mj.output.plot_fit import draw_data, draw_profiles
 
     # Before the directory is made, since places may be refused.

@@ -28,6 +28,7 @@ from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.docstrings import field_docs
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
@@ -292,7 +293,8 @@ def run_grasp(
         The rows of the table, see `TrialRow` for units.
 
     Raises:
-        UserError: `out` is not writable or in use, or has force-distance curves.
+        UserError: `out` is not writable or in use, or has force-distance curves; Matplotlib is
+            missing.
     """
     if record:
         from iswarm_mj.output.rerun_format import check_recordings
@@ -301,6 +303,7 @@ def run_grasp(
     if out is None:
         rows, _ = _compute_rows(settings)
         return rows
+    require("paper")
     from iswarm_mj.output.plot_trials import draw_figures
 
     _refuse_other_results(out, CURVES, "force-distance curves")
@@ -396,8 +399,9 @@ def run_force_curves(
         The rows of the table.
 
     Raises:
-        UserError: `out` is not writable or in use, or has trials.
+        UserError: `out` is not writable or in use, or has trials; Matplotlib is missing.
     """
+    require("paper")
     from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 

@@ -27,6 +27,7 @@ from iswarm_mj.gripper.tips.voltages import (
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.directory_lock import locked
+from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.workflows.tip_settings import TipSettings
@@ -100,11 +101,13 @@ def design_tip(settings: TipSettings, out: Path | None = None) -> Design:
             nothing.
 
     Raises:
-        UserError: a table of points is none, or `out` is not writable or in use.
+        UserError: a table of points is none, `out` is not writable or in use, or Matplotlib is
+            missing.
     """
     profile = None if settings.profile is None else read_profile(settings.profile)
     if out is None:
         return _compute(settings, profile)
+    require("paper")
     from iswarm_mj.output.plot_tip import draw_tip
 
     with locked(out):

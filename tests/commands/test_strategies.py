@@ -18,7 +18,8 @@ import iswarm_mj
 from iswarm_mj.commands.main import parse
 from iswarm_mj.simulation.scenario_flags import command_line
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.library import STRATEGIES, offered
+from iswarm_mj.strategy.library import STRATEGIES, find, offered
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 
 ROOT = Path(__file__).parents[2]
@@ -205,6 +206,12 @@ def apply(step, obs):
 policy = PolicyStrategy(apply, jnp.float32(0.8))
 """
 """A policy without parameters of its own: walk 0.8 of the longest step straight ahead."""
+
+
+@pytest.mark.parametrize("name", [r"C:\code\walk.py", r"C:\code\walk.py:Walk"])
+def test_the_colon_of_a_drive_begins_no_class(name):
+    with pytest.raises(UserError, match=r"strategy file C:\\code\\walk\.py does not exist"):
+        find(STRATEGIES, name)
 
 
 def test_a_learned_policy_is_a_whole_strategy(here):

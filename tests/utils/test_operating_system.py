@@ -2,6 +2,7 @@
 
 import ast
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ import pytest
 from support.systems import NOT_ON_WINDOWS
 
 from iswarm_mj.utils import operating_system
+from iswarm_mj.utils.errors import UserError
 
 WITHOUT_NAMES_OF_POSIX = """
 import fcntl, os, select, signal, sys
@@ -57,6 +59,29 @@ def test_without_a_list_of_cores_all_count(monkeypatch):
     assert operating_system.n_usable_cores() == 7
     monkeypatch.setattr(os, "cpu_count", lambda: None)
     assert operating_system.n_usable_cores() == 1
+
+
+@pytest.mark.parametrize(
+    ("is_windows", "line"),
+    [(False, r"iswarm --out 'C:\my runs' 'b\c'"), (True, r'iswarm --out "C:\my runs" b\c')],
+)
+def test_commands_are_quoted_for_the_shell_of_the_system(monkeypatch, is_windows, line):
+    monkeypatch.setattr(operating_system, "IS_WINDOWS", is_windows)
+    words = ["iswarm", "--out", r"C:\my runs", r"b\c"]
+    assert operating_system.shell_line(words) == line
+    assert operating_system.split_words(line) == words
+
+
+@pytest.mark.parametrize(
+    "words", [["it's", 'a "b"', "", "c # d"], [r"x\y.py:Walk=0.5", r"\\host\z"]]
+)
+def test_words_are_split_as_they_were_joined(words):
+    assert operating_system.split_words(shlex.join(words)) == words
+
+
+def test_a_quotation_without_an_end_is_refused():
+    with pytest.raises(UserError, match="has no end; close it"):
+        operating_system.split_words("it's")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux has a list of cores")

@@ -3,7 +3,6 @@
 import base64
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from shlex import join
 from tempfile import TemporaryDirectory
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -20,6 +19,7 @@ from iswarm_mj.paper.report.results import (
     topics_of,
 )
 from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
+from iswarm_mj.utils.operating_system import shell_line
 
 DRAWINGS_OF_TYPES = "type*[0-9].png"
 """Pattern of the drawings that the experiment on types leaves in its directory."""
@@ -56,7 +56,9 @@ def write_report(directories: Sequence[Path], out: Path) -> list[Topic]:
         kinds={kind: KINDS[kind] for kind in kinds},
         sections=sections,
         results=results,
-        again=join(["iswarm", "report", "--results", *map(str, directories), "--out", str(out)]),
+        again=shell_line(
+            ["iswarm", "report", "--results", *map(str, directories), "--out", str(out)]
+        ),
     )
     with atomic_write(out) as part:
         part.write_text(page, encoding="utf-8")

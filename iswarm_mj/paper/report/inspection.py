@@ -3,7 +3,6 @@
 Interrupted ones are described as far as they came.
 """
 
-import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,6 +25,7 @@ from iswarm_mj.search.rows import Row, Rows
 from iswarm_mj.search.search import BEST, CHECKPOINT
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import read_json
+from iswarm_mj.utils.operating_system import shell_line
 from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.clean import strategy_of, summary
@@ -216,7 +216,7 @@ def _version_and_seed(settings: Mapping[str, Any]) -> str:
 
 def _describe_sweep(rows: Rows, settings: Mapping[str, Any]) -> list[str]:
     """Return lines on the table of a sweep."""
-    command = shlex.join([settings["command"], *settings["arguments"]])
+    command = shell_line([settings["command"], *settings["arguments"]])
     if settings["command"] == "grasp":
         title = f"sweep of {command}, version {settings['version']}"
         return [title, *grasp_sweep.summary(rows, settings["over"])]

@@ -1,7 +1,6 @@
 """Files in a directory of results: what they are and how to open them."""
 
 import re
-import shlex
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
@@ -14,6 +13,7 @@ from iswarm_mj.output.loading import read_result
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, naming, offered
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.operating_system import shell_line
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.fit import SETTINGS_FILE
 from iswarm_mj.workflows.tip import STL
@@ -55,7 +55,7 @@ def how_to_open(path: Path) -> str:
         if fnmatch(path.name, pattern):
             # Python takes the path as it is; a shell needs quotes.
             is_python = "!r" in text and "--config" not in text
-            name = str(path) if is_python else shlex.quote(str(path))
+            name = str(path) if is_python else shell_line([str(path)])
             return text.format(path=name, parent=str(path.parent))
     return ""
 
@@ -79,12 +79,12 @@ def file_lines(directory: Path) -> Iterator[str]:
 def _opening_text(path: Path) -> str:
     """Return how to open a file, by its content where the name does not tell."""
     if path.name == RESULT and is_of_bench(path):
-        command = f"iswarm grasp --config {shlex.quote(str(path))}"
+        command = f"iswarm grasp --config {shell_line([str(path)])}"
         return f"measures and settings: {command} repeats it"
     if path.name == RESULT and is_of_fit(path):
         return "estimates, predictions, residuals and the next measurement, in SI"
     if path.name == RESULT and is_of_tip(path):
-        command = f"iswarm tip --config {shlex.quote(str(path))}"
+        command = f"iswarm tip --config {shell_line([str(path)])}"
         return f"voltages, tolerances and settings: {command} repeats it"
     if path.name == RESULT:
         return how_to_open(path).replace("iswarm clean", _repeating_command(read_result(path)))
@@ -156,9 +156,10 @@ def recording_lines(directory: Path, at_least: int = 2) -> Iterator[str]:
     # The shell finds the numbers of worlds and trials, but in no name that it has to quote.
     patterns = {}
     for path in recordings:
-        name = shlex.quote(str(path.relative_to(directory)))
-        pattern = name if "'" in name else re.sub(r"\d+", "*", name)
-        patterns[f"{shlex.quote(str(directory))}/{pattern}"] = None
+        name = str(path.relative_to(directory))
+        quoted = shell_line([name])
+        pattern = re.sub(r"\d+", "*", name) if quoted == name else quoted
+        patterns[f"{shell_line([str(directory)])}/{pattern}"] = None
 
     if len(recordings) == 1:
         subject = "recording"
