@@ -114,6 +114,12 @@ def test_notebooks_begin_with_the_cell_that_installs_the_package(path):
     assert "iswarm_mj" not in codes[0].replace('find_spec("iswarm_mj")', "")
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebooks_read_no_file_of_the_checkout(path):
+    """Colab opens a notebook alone."""
+    assert "../" not in path.read_text(encoding="utf-8")
+
+
 def test_links_to_notebooks_follow_the_address_of_the_repository():
     assert "http" not in table_of_notebooks(None)
     linked = table_of_notebooks("https://github.com/someone/something/")
