@@ -29,10 +29,20 @@ def n_usable_cores() -> int:
     return os.cpu_count() or 1
 
 
+def most_workers(n_workers: int) -> int:
+    """Return the number of worker processes, at most as many as the system can wait for.
+
+    `multiprocessing.connection.wait` waits for at most 63 handles on Windows.
+    """
+    return min(n_workers, 60) if IS_WINDOWS else n_workers
+
+
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Return the signals that ask a process to end, those that this system has.
 
-    SIGHUP comes when a terminal closes; Windows sends SIGBREAK then, also for Ctrl-Break.
+    SIGHUP comes when a terminal closes; Windows sends SIGBREAK then, also for Ctrl-Break. When its
+    console closes, Windows ends the process as soon as the handler has returned: finished runs of a
+    search are kept, results of a run that is under way may be lost.
     """
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
     return tuple(getattr(signal, name) for name in names if hasattr(signal, name))
@@ -61,7 +71,8 @@ def can_be_written(descriptor: int) -> bool:
 def own_group() -> dict[str, Any]:
     """Return arguments of `subprocess.Popen` for a process that Ctrl-C does not reach.
 
-    Ctrl-C on a terminal reaches all processes of the group of the one that was started there.
+    Ctrl-C on a terminal reaches all processes of the group of the one that was started there. On
+    Windows the process still belongs to the console, and ends when that closes.
     """
     if IS_WINDOWS:
         return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}

@@ -19,7 +19,7 @@ from typing import Any, Literal
 
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.extras import naming_extras
-from iswarm_mj.utils.operating_system import inheriting, n_usable_cores, own_group
+from iswarm_mj.utils.operating_system import inheriting, most_workers, n_usable_cores, own_group
 from iswarm_mj.utils.signals import kept_handlers
 
 Backend = Literal["processes", "ray"]
@@ -52,7 +52,7 @@ def unordered(
     """
     if backend == "ray":
         return _on_ray(call, arguments, workers)
-    n_workers = workers or n_usable_cores()
+    n_workers = most_workers(workers or n_usable_cores())
     if n_workers == 1:
         return (call(*each) for each in arguments)
     return _in_processes(call, arguments, n_workers)

@@ -10,7 +10,6 @@ import mujoco.batch
 import mujoco.rollout
 import numpy as np
 import pytest
-from mujoco.introspect.functions import FUNCTIONS
 from numba import types
 
 import iswarm_mj.gripper.plugin as plugin
@@ -134,12 +133,25 @@ def test_callbacks_have_the_signatures_of_the_header(name):
     assert getattr(callbacks, f"_{name}") == expected
 
 
-@pytest.mark.parametrize("function", ["get_plugin_config", "name_to_id", "error"])
-def test_functions_of_mujoco_are_called_as_they_are_declared(function):
-    """Addresses of strings are whole numbers of 64 bits."""
+OF_STRINGS = {"const char*": types.int64, "const mjModel*": abi.Model}
+"""Types of strings, whose addresses are whole numbers of 64 bits."""
+
+
+@pytest.mark.parametrize(
+    ("function", "is_variadic"),
+    [("get_plugin_config", False), ("name_to_id", False), ("error", True)],
+)
+def test_functions_of_mujoco_are_called_as_they_are_declared(function, is_variadic):
+    """A call of `mju_error` without further arguments passes its text as a fixed argument."""
     program = getattr(attributes, f"_{function}")
-    declaration = FUNCTIONS[program.symbol]
-    kinds = [declaration.return_type, *(each.type for each in declaration.parameters)]
-    of_strings = {"const char *": types.int64, "const mjModel *": abi.Model}
-    expected = [of_strings.get(str(kind)) or NUMBA_TYPES[str(kind)] for kind in kinds]
+    header = Path(mujoco.__file__).parent / "include" / "mujoco" / "mujoco.h"
+    declaration = rf"MJAPI ([^;]*?)\s*\b{program.symbol}\(([^)]*)\)"
+    result, parameters = re.search(declaration, header.read_text(encoding="utf-8")).groups()
+    kinds = [result]
+    for parameter in parameters.split(", "):
+        kinds.append(parameter.rpartition(" ")[0] or parameter)
+    assert (kinds[-1] == "...") == is_variadic
+
+    fixed = [kind for kind in kinds if kind != "..."]
+    expected = [OF_STRINGS.get(kind) or NUMBA_TYPES[kind] for kind in fixed]
     assert [program.sig.return_type, *program.sig.args] == expected

@@ -89,6 +89,12 @@ def test_the_listed_cores_count():
     assert operating_system.n_usable_cores() == len(os.sched_getaffinity(0))
 
 
+@pytest.mark.parametrize(("is_windows", "expected"), [(False, [2, 128]), (True, [2, 60])])
+def test_windows_waits_for_few_workers(monkeypatch, is_windows, expected):
+    monkeypatch.setattr(operating_system, "IS_WINDOWS", is_windows)
+    assert [operating_system.most_workers(number) for number in (2, 128)] == expected
+
+
 @needs_names_of_posix
 def test_the_signals_are_those_that_the_system_has(monkeypatch):
     names = [number.name for number in operating_system.ending_signals()]

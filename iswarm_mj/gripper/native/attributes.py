@@ -45,6 +45,8 @@ _get_plugin_config = types.ExternalFunction(
     types.int64(Model, types.int32, types.int64),
 )
 _name_to_id = types.ExternalFunction("mj_name2id", types.int32(Model, types.int32, types.int64))
+# It takes further arguments, which would be passed in another way on each system; called without
+# any, its text is passed as that of a function with one argument.
 _error = types.ExternalFunction("mju_error", types.void(types.int64))
 _strtod = types.ExternalFunction("strtod", types.float64(types.int64, types.int64))
 
