@@ -85,10 +85,14 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_when_half_is_delivered
         "run_swarm": lambda run, out: recorded.append((*run, out.name)),
         "load": lambda _: SimpleNamespace(arrays=frames),
         "aggregation_share": lambda _: 0.25,
-        "draw_swarm": lambda _, step, title, path: drawn.append((step, title, path.name)),
     }
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(observed_runs, name, stand_in)
+
+    def draw(_, step, title, path):
+        drawn.append((step, title, path.name))
+
+    monkeypatch.setattr("iswarm_mj.output.plot_swarm.draw_swarm", draw)
 
     rows = [
         {"type": "type1", "repeat": 0, "n_robots": 3, "seed": 30, "max_steps": 9},
