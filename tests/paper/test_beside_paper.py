@@ -2,11 +2,12 @@
 
 import re
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from iswarm_mj.output.plot_style import blank
+from iswarm_mj.output.plot_style import LIGHT_PAGE, blank
 from iswarm_mj.paper.analysis.findings import FAILS, HOLDS, NOT_IN_PAPER, TOO_FEW, UNDECIDED
 from iswarm_mj.paper.analysis.varied_values import DEFAULT
 from iswarm_mj.paper.report import beside_paper, paper_figures
@@ -118,6 +119,16 @@ def test_marks_of_a_row_stay_in_it(number):
     assert len(set(heights)) == number
     assert np.mean(heights) == pytest.approx(0.0)
     assert np.abs(heights).max() < 0.5
+
+
+@pytest.mark.parametrize(("scouts", "n_lines"), [([0.2, 0.2], 0), ([0.2, 0.4], 1)])
+def test_evolutions_without_a_trend_are_dots(scouts, n_lines):
+    fittest = [{"fraction_scouts": share, "p_vector_forget": 0.5} for share in scouts]
+    _, (panel,) = blank()
+    paper_figures._draw_trend(panel, SimpleNamespace(fittest=fittest), LIGHT_PAGE)
+    *lines, dot = panel.lines
+    assert len(lines) == n_lines
+    assert dot.get_xydata().tolist() == [[pytest.approx(np.mean(scouts)), 0.5]]
 
 
 def test_a_missing_picture_is_named(tmp_path):
