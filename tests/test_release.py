@@ -88,6 +88,15 @@ def test_the_recipe_has_the_version_and_the_requirements():
     assert in_recipe == expected
 
 
+def test_the_recipe_has_the_address_of_the_repository():
+    """Both are empty until there is one, which conda-forge takes with maintainers only."""
+    address = PROJECT.get("urls", {}).get("Repository")
+    recipe = read_yaml("conda/recipe.yaml")
+    about = recipe["about"]
+    assert [about.get("homepage"), about.get("repository")] == [address, address]
+    assert bool(recipe["extra"]["recipe-maintainers"]) == bool(address)
+
+
 @pytest.mark.parametrize("name", ["Dockerfile", "Dockerfile.gpu"])
 def test_images_copy_files_that_exist_and_are_not_ignored(name):
     text = (ROOT / "docker" / name).read_text(encoding="utf-8")

@@ -74,8 +74,7 @@ class ManyRunsOptions(ConfigOptions):
     ] = 0
     """Worker processes, except for batches; 0 for one per core. The results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
-    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install
-    'iswarm-mj[cluster]')."""
+    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS, with the extra `cluster`."""
 
     @property
     def execution(self) -> Any:
