@@ -211,6 +211,7 @@ def test_in_the_dark_a_swarm_comes_to_rest_and_is_dark(small):
     assert waited_since.tolist() == [0 if robot == 3 else 2 for robot in range(30)]
 
 
+@pytest.mark.slow
 def test_in_full_light_no_robot_waits(small):
     plain = records_of(small)
     record = records_of(with_light(small, 0.01))

@@ -24,7 +24,11 @@ LARGE_BLOCK = 4
 
 
 @pytest.mark.parametrize(
-    ("max_frames", "frames_that_fit", "longest"), [(5, 99, 5), (99, 4, 4)], ids=["frames", "bytes"]
+    ("max_frames", "frames_that_fit", "longest"),
+    [
+        pytest.param(5, 99, 5, marks=pytest.mark.slow, id="frames"),
+        pytest.param(99, 4, 4, id="bytes"),
+    ],
 )
 def test_blocks_grow_with_the_run_up_to_a_limit(
     small, tmp_path, monkeypatch, max_frames, frames_that_fit, longest
