@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 from support.robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
+from support.systems import needs_named_pipes
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
@@ -270,6 +271,7 @@ HUGE = {
 """Small files of huge robots, by what the error names."""
 
 
+@needs_named_pipes
 @pytest.mark.parametrize(("name", "text"), HUGE.items(), ids=HUGE.keys())
 def test_small_files_of_huge_robots_are_refused_before_parsing(tmp_path, monkeypatch, name, text):
     os.mkfifo(tmp_path / "pipe")
@@ -282,6 +284,7 @@ def test_small_files_of_huge_robots_are_refused_before_parsing(tmp_path, monkeyp
     assert "\n" not in str(refused.value)
 
 
+@needs_named_pipes
 @pytest.mark.parametrize("asset", ['texture name="t" type="2d"', 'mesh name="m"', 'skin name="s"'])
 def test_files_that_a_robot_names_must_be_files(tmp_path, asset):
     """MuJoCo would wait for a pipe's end."""

@@ -5,6 +5,7 @@ import os
 import numpy as np
 import pytest
 from PIL import Image
+from support.systems import needs_named_pipes
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.geometry.obstacle_picture import boxes_of_picture, rectangles
@@ -66,6 +67,7 @@ def test_what_is_no_maze_is_refused(pixels, says, tmp_path):
         boxes_of_picture(tmp_path / "none.png", 49.0, 49.0)
 
 
+@needs_named_pipes
 def test_a_pipe_is_no_maze(tmp_path):
     os.mkfifo(tmp_path / "map.png")
     with pytest.raises(UserError, match=r"must be a picture.*a pipe or a device"):
