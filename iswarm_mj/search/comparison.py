@@ -50,7 +50,7 @@ class Outcome(NamedTuple):
 class Comparison:
     """Worlds of several candidates, and how those of each further one compare with the first's.
 
-    Intervals are at 95 %, by percentile bootstrap over worlds.
+    Intervals are at `LEVEL`, see `effects.estimate` and `effects.effect`.
     """
 
     outcomes: tuple[Outcome, ...]
@@ -60,7 +60,7 @@ class Comparison:
     statistic: StatisticName
     """Statistic over worlds."""
     estimates: dict[str, dict[str, Interval]]
-    """Statistic of each measure, by candidate and measure."""
+    """Statistic of each measure over all worlds without a fault, by candidate and measure."""
     effects: dict[str, dict[str, Effect]]
     """Effect on each measure that is known in two worlds, by further candidate and measure."""
 
@@ -146,24 +146,26 @@ class Comparison:
         first = self.names[0]
         result = self.effects[name][self.measure]
         difference = result.difference
-        values = [
-            number_text(self.estimates[each][self.measure].estimate) for each in (name, first)
-        ]
         numbers = (
-            f"{values[0]} against {values[1]}, difference {interval_text(difference)}, "
-            f"A {result.superiority.estimate:.2f}"
+            f"{number_text(result.second)} against {number_text(result.first)}, "
+            f"difference {interval_text(difference)}, A {result.superiority.estimate:.2f}"
         )
         worlds = _worlds_text(result)
         what = f"{self.statistic} {self.measure}"
         if result.is_decided:
             direction = "higher" if difference.estimate > 0 else "lower"
             return f"{name} has a {direction} {what} than {first}: {numbers}, in {worlds}."
-        if not result.is_any:
+        if not result.worlds_differ:
             return f"{name} and {first} have the same {what} in all of {worlds}."
         if not result.has_enough_worlds:
             return (
                 f"{name} against {first}, {what}: {numbers}, in {worlds}; fewer than "
                 f"{LEAST_WORLDS} worlds decide nothing."
+            )
+        if not any(difference):
+            return (
+                f"{name} and {first} have the same {what}, though worlds differ: {numbers}, in "
+                f"{worlds}."
             )
         bounds = f"{number_text(difference.low)} and {number_text(difference.high)}"
         return (
@@ -176,7 +178,7 @@ class Comparison:
         others = {
             measure: result
             for measure, result in self.effects[name].items()
-            if measure != self.measure and result.is_any
+            if measure != self.measure and result.worlds_differ
         }
         decided = [measure for measure, result in others.items() if result.is_decided]
         undecided = [measure for measure in others if measure not in decided]
@@ -194,7 +196,11 @@ class Comparison:
         headings = ["candidate", "measure", self.statistic, first, "difference", "ratio", "A"]
         lines = [headings]
         for name, effects in self.effects.items():
-            others = [name for name in effects if name != self.measure and effects[name].is_any]
+            others = [
+                measure
+                for measure, result in effects.items()
+                if measure != self.measure and result.worlds_differ
+            ]
             for measure in (self.measure, *others):
                 result = effects[measure]
                 values = [number_text(result.second), number_text(result.first)]

@@ -104,13 +104,22 @@ class TestWorldsThatCountOtherwise:
         assert sentence in comparison.sentences()
 
     def test_a_world_with_a_fault_and_its_pair_do_not_count(self):
-        second = outcome("second", [1, *[step for step in (50, 60, 70, 80, 90, 50, 60)]])
+        second = outcome("second", [1, 50, 60, 70, 80, 90, 50, 60])
         second.rows[0]["fault"] = "step 1: a robot left the arena"
         comparison = compared(FIRST, second)
         result = comparison.effects["second"]["finished_at"]
         assert result.n_first == result.n_second == 7
         assert result.difference == (0, 0, 0)
         assert "1 of 8 worlds of second had a fault, and do not count." in comparison.sentences()
+
+    def test_values_of_the_sentence_are_those_of_the_pairs(self):
+        """The first candidate's world of 20 steps is left out with its pair."""
+        first = outcome("first", [20, 50, 60, 70, 80, 90, 50, 60])
+        second = outcome("second", [1, 51, 61, 71, 81, 91, 51, 61])
+        second.rows[0]["fault"] = "step 1: a robot left the arena"
+        sentence = compared(first, second).sentences()[0]
+        assert "66.7 against 65.7, difference 1 (1 to 1)" in sentence
+        assert sentence.endswith("in 7 worlds with the same layouts.")
 
     def test_a_candidate_of_faults_ends_the_comparison(self):
         second = outcome("second", [10, 20])
@@ -138,6 +147,18 @@ class TestResult:
             "It is not decided whether second or first has the higher median"
         )
         assert sentence.endswith(f"effects between {low:.3g} and {high:.3g} are possible.")
+
+    def test_worlds_that_differ_do_not_count_as_the_same(self):
+        """All resamples of these medians are 50."""
+        first = outcome("first", [50] * 11 + [10], picked=[5] * 11 + [1])
+        second = outcome("second", [50] * 12, picked=[5] * 12)
+        comparison = compared(first, second, statistic="median")
+        sentences = comparison.sentences()
+        assert sentences[0].startswith(
+            "second and first have the same median finished_at, though worlds differ: 50 against 50"
+        )
+        assert "not decided: picked" in sentences[1]
+        assert "picked" in "\n".join(comparison.table())
 
     def test_measures_that_differ_nowhere_are_left_out(self):
         picked = [3, 4, 5, 6, 7, 8, 9, 1]

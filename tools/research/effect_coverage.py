@@ -44,7 +44,9 @@ def coverage(n_comparisons, n_worlds, *, statistic, is_paired, seed=0):
 def main():
     intervals.RESAMPLES = N_RESAMPLES
     print("| worlds | statistic | pairs | difference | ratio | A |\n|---|---|---|---|---|---|")
-    for statistic, n_worlds, is_paired in product(("mean", "median"), (8, 16, 32), (True, False)):
+    for statistic, n_worlds, is_paired in product(
+        ("mean", "median"), (6, 8, 16, 32), (True, False)
+    ):
         held = coverage(N_COMPARISONS, n_worlds, statistic=statistic, is_paired=is_paired)
         shares = " | ".join(f"{100 * share:.1f} %" for share in held)
         pairs = "yes" if is_paired else "no"
