@@ -174,6 +174,10 @@ def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) 
             "strategy.update_order is sequential, but robots of an environment act at once; "
             "leave it out"
         )
+    if scenario.failing is not None:
+        raise UserError(
+            f"failing is {scenario.failing}, but an environment lets no robots fail; leave it out"
+        )
     is_in_range = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
     check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_in_range)
 

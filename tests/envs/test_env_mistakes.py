@@ -53,6 +53,7 @@ def env():
             {"config": replace(SMALL, strategy=StrategyConfig(update_order="sequential"))},
             "robots .* act at once",
         ),
+        ({"failing": "0.3:2"}, "failing is 0.3:2, but an environment lets no robots fail"),
         ({"n_robots": 3}, "a scenario has no field n_robots; perhaps you meant robots"),
         ({"robot": 3}, "a scenario has no field robot; perhaps you meant robots"),
     ],
