@@ -1,6 +1,5 @@
 """Robots that fail during a run: from a control step on they only stand in the way."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -29,6 +28,8 @@ class Failures:
 
     def __post_init__(self):
         validate(self)
+        object.__setattr__(self, "share", float(self.share))  # also of NumPy, for the text
+        object.__setattr__(self, "step", int(self.step))
 
     def __str__(self) -> str:
         return f"{self.share!r}:{self.step}"
@@ -40,11 +41,14 @@ class Failures:
         Raises:
             ConfigError: it states none, or a number is out of range.
         """
-        match = re.fullmatch(r"(\d*\.?\d+):(\d{1,9})", text)
-        if match is None:
-            raise ConfigError("failing", text, _FORM)
+        share_text, _, step_text = text.partition(":")
         try:
-            return cls(float(match[1]), int(match[2]))
+            share = float(share_text)
+            step = int(step_text)
+        except ValueError:
+            raise ConfigError("failing", text, _FORM) from None
+        try:
+            return cls(share, step)
         except ConfigError as error:
             allowed = f"{_FORM}, whose {error.field} is {error.constraint}"
             raise ConfigError("failing", text, allowed) from None

@@ -63,10 +63,20 @@ def test_any_task_and_each_world_has_failures_of_its_own():
     assert not np.array_equal(first, second)
 
 
-@pytest.mark.parametrize("text", ["0.1", "0.1:", ":400", "2:400", "0.1:-4", "0.1:400:3", "a:b", 7])
+@pytest.mark.parametrize(
+    "text", ["0.1", "0.1:", ":400", "nan:4", "0.1:4.5", "2:400", "0.1:-4", "0.1:400:3", "a:b", 7]
+)
 def test_other_texts_are_refused(text):
     with pytest.raises(ConfigError, match=r"failing must be SHARE:STEP, as 0\.1:400"):
         replace(SCENARIO, failing=text)
+
+
+@pytest.mark.parametrize(
+    "failures",
+    [Failures(1e-5, 5), Failures(1, 5), Failures(np.float64(0.1), np.int64(5))],
+)
+def test_failures_are_read_from_their_own_text(failures):
+    assert Failures.parse(str(failures)) == failures
 
 
 @pytest.mark.parametrize("command", ["clean", "run", "play"])
