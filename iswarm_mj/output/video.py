@@ -82,7 +82,8 @@ def encode(clip: Clip, out: Path, suffix: str, samples: Iterable[Picture] = ()) 
 
 def _palette(samples: Iterable[Picture]) -> Image.Image:
     """Return a picture of the colours that show some pictures best, 16 x 16 pixels."""
-    pictures = [np.asarray(picture)[..., :3] for picture in samples]
+    # Pictures may be views of one canvas, which the next one overwrites.
+    pictures = [np.array(picture)[..., :3] for picture in samples]
     quantized = Image.fromarray(np.concatenate(pictures)).quantize(_N_COLOURS)
     colours = quantized.getpalette() or []
     values = np.zeros((_N_COLOURS, 3), np.uint8)

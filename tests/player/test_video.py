@@ -201,6 +201,23 @@ class TestFile:
             assert column.mean() == pytest.approx(expected_column.mean(), abs=1.5)
             assert row.mean() == pytest.approx(expected_row.mean(), abs=1.5)
 
+    def test_a_gif_has_the_colours_of_its_first_picture(self, run, tmp_path, monkeypatch):
+        """A painter paints all pictures on one canvas."""
+        new_colour = (250, 20, 240)
+        paint = Painter.paint
+
+        def paint_with_a_mark_at_first(self, past, share, caption=()):
+            picture = paint(self, past, share, caption)
+            if share == 1 and past[-1].step[0] == 0:
+                picture[:40, :40, :3] = new_colour
+            return picture
+
+        monkeypatch.setattr(Painter, "paint", paint_with_a_mark_at_first)
+        write_video(run, FILM, tmp_path / "a.gif", size=SIZE, has_legend=False)
+        with Image.open(tmp_path / "a.gif") as image:
+            corner = np.asarray(image.convert("RGB"))[10, 10].astype(int)
+        assert np.abs(corner - new_colour).max() < 12
+
     def test_a_part_of_the_run_with_its_captions(self, run, tmp_path, monkeypatch):
         captions = []
 
