@@ -8,6 +8,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
+from iswarm_mj.geometry.obstacles import distances, numbers
 from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
@@ -70,9 +71,10 @@ def edit(run: Run, change: Change) -> Callable[[], None]:
             too, where it depends on the present state.
     """
     if change.name == MOVE:
-        robot, x, y = _numbers(change, float, 3, "a robot and its place, as 60:move=17,3.5,-2")
+        robot, *place = _numbers(change, float, 3, "a robot and its place, as 60:move=17,3.5,-2")
         index = _checked_robot(run, robot)
-        return partial(run.move_robot, index, mm_from_rd(np.array([x, y])))
+        _check_place_of_robot(run, index, place)
+        return partial(run.move_robot, index, mm_from_rd(np.array(place)))
     return partial(run.edit, edit_of_swarm(run, change))
 
 
@@ -100,6 +102,24 @@ def _checked_robot(run: Run, robot: float) -> int:
     if robot not in range(n_robots):
         raise UserError(f"there is no robot {robot:g}; they are numbered 0 to {n_robots - 1}")
     return int(robot)
+
+
+def _check_place_of_robot(run: Run, index: int, place: list[float]) -> None:
+    """Check that a robot could stand at a place with some heading, if all others were elsewhere.
+
+    Args:
+        run: run with the arena.
+        index: number of the robot, for the error.
+        place: x, y of its centre [rd].
+
+    Raises:
+        ConfigError: its centre would lie beyond a wall or in an obstacle.
+    """
+    arena = run.config.arena
+    is_within = beyond(np.array(place), arena.walls) <= 0  # False where it is not a number
+    is_free = bool((distances(np.array([place]), numbers(arena.obstacles)) > 0).all())
+    constraint = "such that robots stand within the walls and outside obstacles"
+    check(f"place of robot {index}", f"{place} rd", constraint, bool(is_within) and is_free)
 
 
 def _place_of_ball(run: Run, change: Change) -> Float[np.ndarray, "2"]:

@@ -54,17 +54,24 @@ def check_poses(
         check(name, f"robots {places} mm", "such that no robots overlap", False)
 
 
-def check_place(index: int, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: Any) -> None:
+def check_place(
+    index: int,
+    poses: Float[np.ndarray, "N 3"],
+    robot: Robots,
+    arena: ArenaConfig,
+    boxes: Float[np.ndarray, "M 6"],
+) -> None:
     """Check that one robot can stand where it is put, whatever the others do.
 
     Args:
         index: number of the robot.
         poses: x, y [mm] and yaw [rad] of all robots.
         robot: hulls of the robots.
-        arena: walls and obstacles (`ArenaConfig`).
+        arena: walls and obstacles.
+        boxes: boxes where they are at present, see `obstacles.numbers` [mm].
 
     Raises:
-        ConfigError: it would stand beyond a wall, in an obstacle or in another robot.
+        ConfigError: it would stand beyond a wall, in an obstacle, a box or another robot.
     """
     name = f"place of robot {index}"
     place = f"{_place(poses[index])} mm"
@@ -73,8 +80,10 @@ def check_place(index: int, poses: Float[np.ndarray, "N 3"], robot: Robots, aren
     is_within = np.asarray(beyond(corners(own), in_mm(arena.walls))).max() <= 0
     check(name, place, f"such that robots stand {_within(arena)}", is_within)
 
-    in_obstacle = [np.asarray(overlap(own, box)).any() for box in numbers(arena.obstacles, RD)]
-    check(name, place, "such that no robot stands in an obstacle", not any(in_obstacle))
+    standing = [*numbers(arena.obstacles, RD), *boxes]
+    in_obstacle = [np.asarray(overlap(own, box)).any() for box in standing]
+    constraint = "such that no robot stands in an obstacle or a box"
+    check(name, place, constraint, not any(in_obstacle))
 
     others = np.delete(np.arange(len(poses)), index)
     touched = others[np.asarray(overlap(hulls[others], own))]

@@ -9,6 +9,7 @@ import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.validation import check_links
+from iswarm_mj.geometry.obstacles import numbers, with_poses
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.faults import decode_faults, summarize_faults
 from iswarm_mj.simulation.layout_checks import check_place
@@ -32,7 +33,7 @@ from iswarm_mj.utils.constraints import check_kind, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, shown
 from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.units import MM, mm_from_rd
+from iswarm_mj.utils.units import MM, RD, mm_from_rd
 
 
 class Run:
@@ -287,11 +288,15 @@ class Run:
             place: x, y of its centre [mm].
 
         Raises:
-            ConfigError: it would stand beyond a wall, in an obstacle or in another robot.
+            ConfigError: it would stand beyond a wall, in an obstacle, a box or another robot.
         """
         poses = self._loop.poses()
         poses[0, index, :2] = place
-        check_place(index, poses[0, : self.worlds[0].n_robots], self.robot, self.config.arena)
+
+        robots = poses[0, : self.worlds[0].n_robots]
+        boxes = numbers(self.config.arena.boxes, RD)
+        boxes = with_poses(boxes[:0], poses[0, self._capacity :], boxes[:, -2:])
+        check_place(index, robots, self.robot, self.config.arena, boxes)
         self._loop.place(poses)
         self._snapshot = None
 

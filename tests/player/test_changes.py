@@ -1,8 +1,11 @@
 """Changes of a run have a text; they put balls and robots where they say, or change nothing."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
+from support.page import CONFIG
 from support.sessions import PAGE_SCENARIO, assert_same, begun, state
 
 from iswarm_mj.player.changes import Change, edit_of_swarm
@@ -46,6 +49,9 @@ def test_other_texts_are_refused(text):
         "ball=nan,0",
         "ball=3",
         "ball=a",
+        "move=3,99,0",
+        "move=99,0,0",
+        "move=1,2",
         "fail=1.5",
         "fail=nan",
         "nothing=1",
@@ -163,3 +169,24 @@ def test_a_robot_is_not_moved_where_it_cannot_stand(session, place, sentence):
     with pytest.raises(UserError, match=sentence):
         session.change("move", f"3,{place}")
     assert_same(state(session.run), before)
+
+
+@pytest.mark.parametrize("kind", ["obstacles", "boxes"])
+def test_a_robot_is_not_moved_into_an_obstacle_or_a_box(kind):
+    box = (6.0, 0.0, 1.0, 1.0, 0.0)
+    if kind == "boxes":
+        box = (*box, 1e-5, 0.1)
+    config = replace(CONFIG, arena=replace(CONFIG.arena, **{kind: (box,)}))
+    session = Session(replace(PAGE_SCENARIO, config=config, robots=4))
+    with pytest.raises(
+        UserError, match=r"outside obstacles|no robot stands in an obstacle or a box"
+    ):
+        session.change("move", "3,6.9,0")
+    session.change("move", "3,7.6,0")
+
+    scheduled = [Change.parse("9:move=3,6.9,0")]
+    if kind == "boxes":  # which robots may have pushed away by then
+        Session(replace(PAGE_SCENARIO, config=config, robots=4), scheduled)
+    else:
+        with pytest.raises(UserError, match="within the walls and outside obstacles"):
+            Session(replace(PAGE_SCENARIO, config=config, robots=4), scheduled)
