@@ -4,6 +4,7 @@
 holds what follows from their rows.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
@@ -150,6 +151,8 @@ def gather(
     """
     _check(candidates, plan)
     n_worlds = plan.worlds or _worlds_of_finished(candidates) or DEFAULT_WORLDS
+    if plan.precision is not None:
+        n_worlds = min(n_worlds, plan.max_worlds)
     keeping = nullcontext()
     if out is not None and any(candidate.identity for candidate in candidates):
         keeping = journal(out / RUNS, {"kind": "compare"}, again)
@@ -157,8 +160,10 @@ def gather(
         outcomes = [_outcome(candidate) for candidate in candidates]
         while True:
             outcomes = _with_more_worlds(candidates, outcomes, n_worlds, kept)
-            comparison = Comparison.of(outcomes, plan.measure, plan.statistic)
+            comparison = Comparison.of(outcomes, plan.measure, plan.statistic, plan.precision)
             if plan.precision is None or comparison.half_width <= plan.precision:
+                return comparison
+            if math.isinf(comparison.half_width):  # which no number of worlds changes for certain
                 return comparison
             n_next = len(outcomes[0].rows) + n_worlds
             if n_next > plan.max_worlds:

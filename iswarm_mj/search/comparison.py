@@ -5,6 +5,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -27,10 +28,12 @@ CONTENT = "compare.json"
 FIGURE = "compare"
 _NO_MEASURES = ("candidate", "seed", "world", "n_robots", "max_steps", "goal", "fault")
 """Columns of the table that are no measures."""
-_OF_LAYOUTS = ("settings.seed", "settings.n_robots", "settings.failed_fraction")
+_OF_LAYOUTS = ("version", "settings.seed", "settings.n_robots", "settings.failed_fraction")
 """Settings on which layouts depend, beside those of `_GROUPS_OF_LAYOUTS`."""
 _GROUPS_OF_LAYOUTS = ("config.arena.", "task.", "robot.")
-_NO_DIFFERENCES = ("settings.n_worlds", "settings.capacity", "settings.stop_at")
+_STOP_AT = "settings.stop_at"
+"""Setting that is a difference only where it leads to another goal."""
+_NO_DIFFERENCES = ("settings.n_worlds", "settings.capacity")
 """Settings in which candidates may differ without a word."""
 _MAX_NAMED = 4
 """Maximum number of settings that a sentence names."""
@@ -63,22 +66,32 @@ class Comparison:
     """Statistic of each measure over all worlds without a fault, by candidate and measure."""
     effects: dict[str, dict[str, Effect]]
     """Effect on each measure that is known in two worlds, by further candidate and measure."""
+    precision: float | None = None
+    """Largest `half_width` that was asked for."""
 
     @classmethod
-    def of(cls, outcomes: Sequence[Outcome], measure: str | None, statistic: StatisticName) -> Self:
+    def of(
+        cls,
+        outcomes: Sequence[Outcome],
+        measure: str | None,
+        statistic: StatisticName,
+        precision: float | None = None,
+    ) -> Self:
         """Compare candidates.
 
         Args:
             outcomes: worlds of each candidate.
             measure: measure that the result is about; None for the default.
             statistic: statistic over worlds.
+            precision: largest `half_width` that was asked for.
 
         Raises:
-            UserError: the candidates have no such measure.
+            UserError: the candidates have no such measure, or stop at different goals.
             SimulationFault: fewer than two worlds of a candidate have no fault.
         """
         for outcome in outcomes:
             _refuse_faults(outcome)
+            _refuse_other_goal(outcomes[0], outcome)
         common = _common_measures(outcomes)
         if measure is None:
             measure = _default_measure(outcomes, common)
@@ -102,7 +115,7 @@ class Comparison:
                     f"{measure} of {name} and {outcomes[0].name} is known in fewer than two "
                     "worlds; run more worlds, or choose another `measure`"
                 )
-        return cls(tuple(outcomes), measure, statistic, estimates, effects)
+        return cls(tuple(outcomes), measure, statistic, estimates, effects, precision)
 
     @property
     def names(self) -> list[str]:
@@ -133,9 +146,22 @@ class Comparison:
         sentences += [self._other_measures(name) for name in self.effects]
         sentences += filter(None, map(_unfinished_sentence, self._outcomes_of_times()))
         sentences += filter(None, map(_fault_sentence, self.outcomes))
+        sentences += filter(None, [self._precision_sentence()])
         for outcome in self.outcomes[1:]:
             sentences += _settings_sentences(self.outcomes[0], outcome)
         return sentences
+
+    def _precision_sentence(self) -> str:
+        """Return by how much the precision was missed; empty if none was asked for, or met."""
+        if self.precision is None or self.half_width <= self.precision:
+            return ""
+        first = f"{self.names[0]}'s {self.statistic}"
+        if math.isinf(self.half_width):
+            return f"The precision is a share of {first}, which is 0; no more worlds are added."
+        return (
+            f"Half the interval of the difference is {100 * self.half_width:.3g} % of {first}, "
+            f"more than the precision of {100 * self.precision:g} %; more worlds make it narrower."
+        )
 
     def _outcomes_of_times(self) -> tuple[Outcome, ...]:
         """Return the candidates if the result is about the step of finishing, otherwise none."""
@@ -174,7 +200,7 @@ class Comparison:
         )
 
     def _other_measures(self, name: str) -> str:
-        """Return which other measures are decided for a further candidate, and which are not."""
+        """Return which other measures of a candidate are decided, not decided, and not compared."""
         others = {
             measure: result
             for measure, result in self.effects[name].items()
@@ -187,8 +213,17 @@ class Comparison:
             parts.append(f"decided also: {', '.join(decided)}")
         if undecided:
             parts.append(f"not decided: {', '.join(undecided)}")
-        listed = "; ".join(parts) or "no other measure differs"
-        return f"{name}, each measure by itself at {100 * LEVEL.get():g} %: {listed}."
+        if not others:
+            parts.append("no other measure differs")
+        not_compared = self._not_compared(name)
+        if not_compared:
+            parts.append(f"not compared: {', '.join(not_compared)}")
+        return f"{name}, each measure by itself at {100 * LEVEL.get():g} %: {'; '.join(parts)}."
+
+    def _not_compared(self, name: str) -> list[str]:
+        """Return measures that not all candidates have, or that fewer than two worlds know."""
+        measures = dict.fromkeys(chain.from_iterable(map(_measures, self.outcomes)))
+        return [measure for measure in measures if measure not in self.effects[name]]
 
     def table(self) -> list[str]:
         """Return a table with a line for each further candidate and measure."""
@@ -226,6 +261,8 @@ class Comparison:
             "measure": self.measure,
             "statistic": self.statistic,
             "level": LEVEL.get(),
+            "precision": self.precision,
+            "half_width": self.half_width if math.isfinite(self.half_width) else None,
             "result": self.sentences(),
             "worlds": {each.name: len(each.rows) for each in self.outcomes},
             "unfinished": {each.name: _n_unfinished(each) for each in self.outcomes},
@@ -306,9 +343,25 @@ def differences(first: Outcome, second: Outcome) -> list[str]:
         is_setting = name == "version" or name.startswith(of_settings)
         if not is_setting or name in _NO_DIFFERENCES or old.get(name) == new.get(name):
             continue
+        if name == _STOP_AT and _goal(first) == _goal(second):
+            continue
         is_of_strategy = name.startswith(("genome.", "strategy."))
         names["strategy" if is_of_strategy else name] = None
     return list(names)
+
+
+def _goal(outcome: Outcome) -> int | None:
+    """Return the progress at which worlds of a candidate are finished; None if they never are."""
+    return outcome.rows[0]["goal"]
+
+
+def _refuse_other_goal(first: Outcome, second: Outcome) -> None:
+    """Refuse a candidate that stops at another goal than the first in the same layouts."""
+    if _STOP_AT in differences(first, second) and not _layout_differences(first, second):
+        raise UserError(
+            f"{first.name} stops at the goal {_goal(first)} and {second.name} at "
+            f"{_goal(second)}; give both the same `stop_at`"
+        )
 
 
 def _layout_differences(first: Outcome, second: Outcome) -> list[str]:
@@ -340,18 +393,28 @@ def _effects(
 
 
 def _common_measures(outcomes: Sequence[Outcome]) -> list[str]:
-    """Return the measures that all candidates have, as numbers."""
-    names = [
+    """Return the measures that all candidates have."""
+    measures = [_measures(outcome) for outcome in outcomes]
+    return [name for name in measures[0] if all(name in others for others in measures[1:])]
+
+
+def _measures(outcome: Outcome) -> list[str]:
+    """Return the columns of a candidate that hold numbers, or nothing, in all worlds."""
+    return [
         name
-        for name, value in outcomes[0].rows[0].items()
-        if name not in _NO_MEASURES and (value is None or isinstance(value, int | float))
+        for name in outcome.rows[0]
+        if name not in _NO_MEASURES
+        and all(isinstance(row[name], int | float | None) for row in outcome.rows)
     ]
-    return [name for name in names if all(name in outcome.rows[0] for outcome in outcomes)]
 
 
 def _default_measure(outcomes: Sequence[Outcome], common: Sequence[str]) -> str:
     """Return the measure that the result is about by default, see `ComparisonPlan.measure`."""
-    has_finished = any(row[FINISHED] is not None for outcome in outcomes for row in outcome.rows)
+    has_finished = any(
+        row[FINISHED] is not None and row["fault"] is None
+        for outcome in outcomes
+        for row in outcome.rows
+    )
     if has_finished:
         return FINISHED
     if "delivered" in common:
@@ -421,7 +484,7 @@ def _settings_sentences(first: Outcome, second: Outcome) -> list[str]:
     of_layouts = _layout_differences(first, second)
     if of_layouts:
         sentences.append(
-            f"Their layouts differ with {_listed(of_layouts)}, so that worlds are not paired."
+            f"Their layouts depend on {_listed(of_layouts)}, so that worlds are not paired."
         )
     return sentences
 

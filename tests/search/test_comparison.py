@@ -1,7 +1,6 @@
 """Comparisons of worlds: what is paired, how unfinished and failed worlds count, what is said."""
 
 import json
-import math
 from itertools import count
 
 import numpy as np
@@ -72,6 +71,7 @@ class TestPairs:
     @pytest.mark.parametrize(
         ("group", "values", "name"),
         [
+            ("version", "2", "version"),
             ("settings", {"seed": 1, "n_robots": 5}, "seed"),
             ("settings", {"seed": 0, "n_robots": 6}, "n_robots"),
             ("config", {"arena": {"size": 16}, "drive": {"error_step": 0.1}}, "arena.size"),
@@ -82,7 +82,7 @@ class TestPairs:
         second = outcome("second", [45] * 8, {group: values})
         comparison = compared(FIRST, second)
         assert not comparison.effects["second"]["finished_at"].is_paired
-        sentence = f"Their layouts differ with {name}, so that worlds are not paired."
+        sentence = f"Their layouts depend on {name}, so that worlds are not paired."
         assert sentence in comparison.sentences()
 
     def test_a_finished_run_with_more_worlds_counts_with_the_common_ones(self):
@@ -91,6 +91,31 @@ class TestPairs:
         result = compared(FIRST, second).effects["second"]["finished_at"]
         assert (result.n_first, result.n_second) == (7, 7)
         assert result.difference == (0, 0, 0)
+
+
+class TestGoals:
+    """`outcome` has the goal 3."""
+
+    def with_goal(self, goal, about):
+        second = outcome("second", [45] * 8, about)
+        return second._replace(rows=[{**row, "goal": goal} for row in second.rows])
+
+    def test_another_goal_in_the_same_layouts_is_refused(self):
+        second = self.with_goal(1, {"settings": {**ABOUT["settings"], "stop_at": 1}})
+        with pytest.raises(UserError, match="first stops at the goal 3 and second at 1; give both"):
+            compared(FIRST, second)
+
+    def test_the_default_and_the_same_number_are_one_goal(self):
+        second = self.with_goal(3, {"settings": {**ABOUT["settings"], "stop_at": 3}})
+        sentences = compared(FIRST, second).sentences()
+        assert "second and first have the same settings." in sentences
+
+    def test_another_goal_in_other_layouts_is_named(self):
+        config = {"arena": {"size": 15, "n_dust": 9}, "drive": {"error_step": 0.1}}
+        settings = {**ABOUT["settings"], "stop_at": 9}
+        second = self.with_goal(9, {"settings": settings, "config": config})
+        names = compared(FIRST, second).differs_in("second")
+        assert names == ["config.arena.n_dust", "settings.stop_at"]
 
 
 class TestWorldsThatCountOtherwise:
@@ -166,6 +191,21 @@ class TestResult:
         second = outcome("second", [8] * 8, picked=[n + 1 for n in picked])
         table = "\n".join(compared(first, second).table())
         assert "picked" in table and "delivered" not in table
+
+    def test_measures_that_not_all_have_are_named(self):
+        """One is unknown in all worlds of the second, one is text there, one it does not have."""
+        first = outcome("first", [9] * 8, carried=[1] * 8, note=[None] * 8, extra=[2] * 8)
+        second = outcome("second", [8] * 8, carried=[None] * 8, note=["late"] * 8)
+        comparison = compared(first, second)
+        assert {"carried", "note", "extra"}.isdisjoint(comparison.effects["second"])
+        ending = "no other measure differs; not compared: carried, note, extra."
+        assert comparison.sentences()[1].endswith(ending)
+
+    def test_the_result_is_about_times_only_if_a_world_without_a_fault_finished(self):
+        outcomes = [outcome(name, [5] + [None] * 8) for name in ("first", "second")]
+        for each in outcomes:
+            each.rows[0]["fault"] = "step 1: a robot left the arena"
+        assert compared(*outcomes).measure == "delivered"
 
     def test_the_result_is_about_deliveries_if_no_world_finished(self):
         outcomes = [outcome(name, [None] * 8) for name in ("first", "second")]
@@ -249,7 +289,27 @@ class TestWorldsThatAreAdded:
         plan = ComparisonPlan(worlds=4, precision=1e-6, max_worlds=14)
         comparison = gather([candidate("a"), candidate("bb")], plan)
         assert len(comparison.outcomes[0].rows) == 12
-        assert comparison.half_width > 1e-6 and math.isfinite(comparison.half_width)
+        share = 100 * comparison.half_width
+        sentence = f"{share:.3g} % of a's mean, more than the precision of 0.0001 %"
+        assert sentence in "\n".join(comparison.sentences())
+        result = comparison.to_json()
+        assert (result["precision"], result["half_width"]) == (1e-6, comparison.half_width)
+
+    def test_the_first_worlds_are_no_more_than_the_maximum(self, pretended):
+        plan = ComparisonPlan(precision=1e-6, max_worlds=20)
+        comparison = gather([candidate("a"), candidate("bb")], plan)
+        assert [len(each.rows) for each in comparison.outcomes] == [20, 20]
+
+    def test_a_share_of_zero_adds_no_worlds(self, pretended, monkeypatch):
+        monkeypatch.setattr(
+            compare_module, "rows_of_run", lambda run: outcome("a", [0] * run[2]).rows
+        )
+        plan = ComparisonPlan(worlds=6, precision=0.1)
+        comparison = gather([candidate("a"), candidate("bb")], plan)
+        assert len(comparison.outcomes[0].rows) == 6
+        assert "The precision is a share of a's mean, which is 0; no more worlds are added." in (
+            comparison.sentences()
+        )
 
     def test_finished_worlds_are_kept(self, pretended, tmp_path):
         plan = ComparisonPlan(worlds=4)
