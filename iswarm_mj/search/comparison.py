@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.search.effects import LEAST_WORLDS, Effect, effect, estimate
-from iswarm_mj.search.rows import Row
+from iswarm_mj.search.rows import FINISHED, Row, values_of
 from iswarm_mj.search.settings import StatisticName
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -21,8 +21,6 @@ from iswarm_mj.utils.files import atomic_write, flat, make_output_directory
 from iswarm_mj.utils.intervals import LEVEL, Interval
 from iswarm_mj.utils.tables import aligned, write_table
 
-FINISHED = "finished_at"
-"""Measure of worlds that may end before it is known."""
 TABLE = "compare.parquet"
 CONTENT = "compare.json"
 FIGURE = "compare"
@@ -311,18 +309,6 @@ def interval_text(interval: Interval) -> str:
     return f"{estimated} ({low} to {high})"
 
 
-def values_of(outcome: Outcome, measure: str) -> Float[np.ndarray, "B"]:
-    """Return a measure of a candidate's worlds, NaN where it is unknown.
-
-    Worlds that did not finish count as their last step.
-    """
-    values = []
-    for row in outcome.rows:
-        is_late = measure == FINISHED and row[measure] is None
-        values.append(row["max_steps"] if is_late else row[measure])
-    return np.array(values, float)
-
-
 def has_fault(outcome: Outcome) -> Bool[np.ndarray, "B"]:
     """Return which worlds of a candidate had a fault; they do not count."""
     return np.array([row["fault"] is not None for row in outcome.rows], bool)
@@ -330,7 +316,7 @@ def has_fault(outcome: Outcome) -> Bool[np.ndarray, "B"]:
 
 def _values(outcome: Outcome, measure: str) -> Float[np.ndarray, "B"]:
     """Return `values_of`, NaN also in worlds with a fault."""
-    return np.where(has_fault(outcome), np.nan, values_of(outcome, measure))
+    return np.where(has_fault(outcome), np.nan, values_of(outcome.rows, measure))
 
 
 def differences(first: Outcome, second: Outcome) -> list[str]:

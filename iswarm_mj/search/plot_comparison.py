@@ -9,7 +9,8 @@ from matplotlib.lines import Line2D
 
 from iswarm_mj.output.palette import BLUE, DARK, GREEN, GREY, ORANGE, PINK, PURPLE, SKY
 from iswarm_mj.output.plot_style import figure
-from iswarm_mj.search.comparison import FINISHED, Comparison, Outcome, has_fault, values_of
+from iswarm_mj.search.comparison import Comparison, Outcome, has_fault
+from iswarm_mj.search.rows import FINISHED, values_of
 from iswarm_mj.utils.intervals import LEVEL
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY, PINK)
@@ -79,7 +80,7 @@ def _draw_pairs(axes: Axes, comparison: Comparison, places: list[np.ndarray]) ->
             continue
         n_pairs = min(len(outcome.rows) for outcome in pair)
         is_left_out = has_fault(pair[0])[:n_pairs] | has_fault(pair[1])[:n_pairs]
-        values = [values_of(outcome, comparison.measure)[:n_pairs] for outcome in pair]
+        values = [values_of(outcome.rows, comparison.measure)[:n_pairs] for outcome in pair]
         x = np.array([places[number - 1][:n_pairs], places[number][:n_pairs]])
         axes.plot(
             x[:, ~is_left_out],
@@ -104,7 +105,7 @@ def _draw_worlds(
         places: horizontal places of the worlds.
     """
     measure = comparison.measure
-    values = values_of(outcome, measure)
+    values = values_of(outcome.rows, measure)
     is_late = np.array([measure == FINISHED and row[measure] is None for row in outcome.rows])
     counts = ~has_fault(outcome)
     colour = _COLOURS[number % len(_COLOURS)]

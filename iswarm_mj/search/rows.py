@@ -3,6 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from jaxtyping import Float
+
+FINISHED = "finished_at"
+"""Measure of worlds that may end before it is known."""
+
 Row = Mapping[str, Any]
 """Values by the names of columns."""
 Rows = Sequence[Row]
@@ -24,3 +30,15 @@ def by(rows: Rows, *columns: str) -> dict:
         key = values[0] if len(columns) == 1 else values
         groups.setdefault(key, []).append(row)
     return groups
+
+
+def values_of(rows: Rows, measure: str) -> Float[np.ndarray, "B"]:
+    """Return a measure of worlds, NaN where it is unknown.
+
+    Worlds that did not finish count as their last step.
+    """
+    values = []
+    for row in rows:
+        is_late = measure == FINISHED and row[measure] is None
+        values.append(row["max_steps"] if is_late else row[measure])
+    return np.array(values, float)

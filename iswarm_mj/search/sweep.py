@@ -13,7 +13,7 @@ from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.results import result
 from iswarm_mj.search.journal import RUNS, hashed, journal
 from iswarm_mj.search.pool import progress
-from iswarm_mj.search.rows import Row, Rows, by
+from iswarm_mj.search.rows import FINISHED, Row, Rows, by, values_of
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.intervals import Interval, interval
@@ -93,7 +93,7 @@ def rows_of_run(run: Run) -> list[dict[str, Any]]:
     while not run.is_over:
         run.advance()
 
-    rows = rows_of_result(result(run, 0.0))
+    rows = rows_of_result(result(run, wall_s=0.0))
     for row, world, fault in zip(rows, run.worlds, run.fault_of_each, strict=True):
         row["n_robots"] = world.n_robots
         row["fault"] = None if fault is None else str(fault)
@@ -159,14 +159,19 @@ def combined_table(
 
 
 def summary(rows: Rows, over: Sequence[str]) -> list[str]:
-    """Return a table of medians, a line for each combination of the values that varied."""
+    """Return a table of medians, a line for each combination of the values that varied.
+
+    Worlds with a fault are counted, and left out of medians.
+    """
     columns = _shown_columns(rows, over)
     headings = ["finished" if name == "finished_at" else name for name in columns]
     lines = [[*over, "worlds", *headings]]
     for group in by(rows, *over).values():
         labels = [str(group[0][name]) for name in over]
         medians = [_median_text(group, name) for name in columns]
-        lines.append([*labels, str(len(group)), *medians])
+        n_faults = len(group) - len(_without_faults(group))
+        fault_text = f" ({n_faults} with a fault)" if n_faults else ""
+        lines.append([*labels, f"{len(group)}{fault_text}", *medians])
     return aligned(lines)
 
 
@@ -180,21 +185,17 @@ def _shown_columns(rows: Rows, over: Sequence[str]) -> list[str]:
     return [name for name in shown if name not in over][:_MAX_COLUMNS]
 
 
-def _values(rows: Rows, name: str) -> np.ndarray:
-    """Return a measure of worlds (B,), NaN where there is none.
-
-    A world that is not finished takes the time limit.
-    """
-    values = []
-    for row in rows:
-        is_late = name == "finished_at" and row[name] is None
-        values.append(row["max_steps"] if is_late else row[name])
-    return np.array(values, float)
+def _without_faults(rows: Rows) -> list[Row]:
+    """Return the worlds without a fault, which alone count."""
+    return [row for row in rows if row["fault"] is None]
 
 
 def _median_with_interval(rows: Rows, name: str) -> Interval:
-    """Return the median of a measure over the worlds that have it; NaN if none has."""
-    values = _values(rows, name)
+    """Return the median of a measure over the worlds that have it; NaN if none has.
+
+    Worlds with a fault do not count.
+    """
+    values = values_of(_without_faults(rows), name)
     is_missing = np.isnan(values)
     if is_missing.all():
         return Interval(np.nan, np.nan, np.nan)
@@ -205,10 +206,11 @@ def _median_text(rows: Rows, name: str) -> str:
     """Return the median of a measure as text.
 
     Of the time of finishing it is a bound, `>` the time limit, if half of the worlds did not
-    finish.
+    finish. Worlds with a fault do not count.
     """
-    n_late = sum(row["finished_at"] is None for row in rows)
-    if name == "finished_at" and 2 * n_late >= len(rows):
+    counted = _without_faults(rows)
+    n_late = sum(row[FINISHED] is None for row in counted)
+    if name == FINISHED and counted and 2 * n_late >= len(counted):
         return f">{rows[0]['max_steps']}"
     median = _median_with_interval(rows, name).estimate
     if np.isnan(median):
@@ -227,13 +229,18 @@ def _draw(rows: Rows, over: Sequence[str], path: Path) -> None:
     none finished, has no panel.
     """
     shown = _shown_columns(rows, over)
-    columns = [name for name in shown if any(row[name] is not None for row in rows)] or shown[:1]
-    n_late = sum(row["finished_at"] is None for row in rows)
+    counted = _without_faults(rows)
+    known = [name for name in shown if any(row[name] is not None for row in counted)]
+    columns = known or shown[:1]
+    n_late = sum(row[FINISHED] is None for row in counted)
+    n_faults = len(rows) - len(counted)
     caption = (
         "Lines: medians; bars: their 95 % intervals by order statistics, of fewer than 6 worlds "
         f"their ranges; dots: worlds.\n{n_late} of {len(rows)} worlds had not finished at the time "
         "limit, which counts as their time."
     )
+    if n_faults:
+        caption += f" {n_faults} worlds had a fault, and do not count."
     with figure(path, columns=len(columns), size=(3.6, 2.9), caption=caption) as panels:
         for axes, name in zip(panels, columns, strict=True):
             _draw_panel(axes, rows, over, name)
@@ -308,9 +315,10 @@ def _draw_line(
     above = [median.high - median.estimate for median in medians]
     line = axes.errorbar(places, estimates, yerr=(below, above), fmt="-", capsize=3, label=label)
 
-    places_of_worlds = [place_of_value[row[setting]] for row in rows]
+    counted = _without_faults(rows)
+    places_of_worlds = [place_of_value[row[setting]] for row in counted]
     colour = line.lines[0].get_color()
-    axes.plot(places_of_worlds, _values(rows, name), ".", color=colour, alpha=0.5)
+    axes.plot(places_of_worlds, values_of(counted, name), ".", color=colour, alpha=0.5)
 
 
 def places_on_axis(values: Iterable[Any]) -> dict[Any, float]:

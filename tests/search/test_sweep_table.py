@@ -48,6 +48,16 @@ def test_medians_are_no_powers_of_ten(collisions, shown):
     assert medians(rows)["collisions"] == shown
 
 
+def test_worlds_with_a_fault_are_left_out_of_medians():
+    rows = [{**ROW, "world": k, "finished_at": step} for k, step in enumerate((40, 60, 80, None))]
+    rows[3]["fault"] = "step 1: a robot left the arena"
+    rows[3]["delivered"] = 0
+    _, line = sweep.summary(rows, ["density"])
+    assert line.split() == ["0.1", "4", "(1", "with", "a", "fault)", "60", "3"]
+    rows = [{**row, "fault": "step 1: a robot left the arena"} for row in rows]
+    assert sweep.summary(rows, ["density"])[1].split()[-2:] == ["-", "-"]
+
+
 class TestFigure:
     """Rows of two densities, with seven worlds each."""
 
@@ -71,6 +81,18 @@ class TestFigure:
         ends = [segment[:, 1].tolist() for segment in bars.get_segments()]
         assert ends == [[10, 70], [5, 100]]
         assert panel.containers[0].lines[0].get_ydata().tolist() == [40, 35]
+
+    def test_worlds_with_a_fault_are_not_drawn(self, monkeypatch):
+        axes = captured(monkeypatch, sweep)
+        rows = [
+            {**ROW, "density": 0.1, "world": world, "finished_at": 10 * world}
+            for world in range(1, 8)
+        ]
+        rows[6]["fault"] = "step 1: a robot left the arena"
+        sweep._draw(rows, ["density"], Path("sweep"))
+        lines = axes["sweep"][0].lines
+        (dots,) = [line for line in lines if line.get_marker() == "."]
+        assert dots.get_ydata().tolist() == [10, 20, 30, 40, 50, 60]
 
     def test_a_measure_that_no_world_has_is_left_out(self, monkeypatch):
         panels = self.panels(monkeypatch, [[None] * 7] * 2)
