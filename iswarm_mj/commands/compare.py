@@ -1,8 +1,9 @@
 """`iswarm compare`: strategies, tasks, settings and finished runs in the same worlds."""
 
+import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -15,7 +16,7 @@ from iswarm_mj.commands.command_settings import (
     settings,
     without_effect,
 )
-from iswarm_mj.commands.flags import flag, in_flags, names
+from iswarm_mj.commands.flags import flag, in_flags, names, switch
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.commands.sweep import identity_of
 from iswarm_mj.output.trajectory import RESULT
@@ -35,7 +36,7 @@ _WITHOUT_EFFECT = ("record_worlds", "record_grasps")
 """Settings of the runs that have no effect, since nothing is recorded."""
 _WIDTH = 88
 """Width of the lines of sentences."""
-_OWN_FLAGS = ("--worlds", "--precision", "--max-worlds", "--measure", "--statistic", "--out")
+_OWN_FLAGS = (*(flag(field.name) for field in fields(ComparisonPlan)), "--out")
 """Flags of the comparison itself that take a value; all others but switches are those of runs."""
 _SWITCHES = ("--again", "-h", "--help", "--help-all")
 """Flags of the comparison itself that take no value."""
@@ -86,7 +87,8 @@ class Compare(ComparisonPlan):
         }
         base = next(iter(directories.values()), None)
         candidates = [
-            finished.get(name) or self._candidate(name, word, base) for name, word in named.items()
+            finished[name] if name in finished else self._candidate(name, word, base)
+            for name, word in named.items()
         ]
         comparison = gather(candidates, self._plan, self.out, again=self.again)
         comparison.write(self.out)
@@ -99,13 +101,8 @@ class Compare(ComparisonPlan):
     @property
     def _plan(self) -> ComparisonPlan:
         """The plan without the settings of the command."""
-        return ComparisonPlan(
-            worlds=self.worlds,
-            precision=self.precision,
-            max_worlds=self.max_worlds,
-            measure=self.measure,
-            statistic=self.statistic,
-        )
+        names_of_plan = [field.name for field in fields(ComparisonPlan)]
+        return ComparisonPlan(**{name: getattr(self, name) for name in names_of_plan})
 
     def _candidate(self, name: str, word: str, base: Path | None) -> Any:
         """Return a `Candidate` whose runs are still to be carried out.
@@ -143,28 +140,51 @@ class Compare(ComparisonPlan):
 def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     """Return the candidates with the flags of the comparison, and the arguments of the runs.
 
-    Words after a flag of the runs are its values; all other words are candidates, or values of the
-    comparison's flags.
+    Words after a flag of the runs that is no switch are its values; all other words are candidates,
+    or values of the comparison's flags.
     """
     candidates: list[str] = []
     own_flags: list[str] = []
     of_runs: list[str] = []
-    is_own = True
-    takes_value = False
+    flags = own_flags
+    n_values: float = 0
     for word in arguments:
         if word.startswith("-"):
-            name = word.partition("=")[0].replace("_", "-")
-            is_own = name in (*_OWN_FLAGS, *_SWITCHES)
-            takes_value = name in _OWN_FLAGS and "=" not in word
-            (own_flags if is_own else of_runs).append(word)
-        elif not is_own:
-            of_runs.append(word)
-        elif takes_value:
-            own_flags.append(word)
-            takes_value = False
+            flags = own_flags if _name(word) in (*_OWN_FLAGS, *_SWITCHES) else of_runs
+            flags.append(word)
+            n_values = _most_values(word)
+        elif n_values:
+            flags.append(word)
+            n_values -= 1
         else:
             candidates.append(word)
     return [*candidates, *own_flags], tuple(of_runs)
+
+
+def _name(word: str) -> str:
+    """Return the name of a flag with dashes, without its value."""
+    return word.partition("=")[0].replace("_", "-")
+
+
+def _most_values(word: str) -> float:
+    """Return how many of the words after a flag are its values at most."""
+    name = _name(word)
+    if "=" in word or name in _SWITCHES:
+        return 0
+    if name in _OWN_FLAGS:
+        return 1
+
+    is_switched_off = name.rpartition(".")[2].removeprefix("--").startswith("no-")
+    switches = [setting.name for setting in settings(Run()) if isinstance(setting.value, bool)]
+    is_switched_on = name in (switch(setting, is_on=True) for setting in switches)
+    return 0 if is_switched_off or is_switched_on else math.inf
+
+
+def _is_team(word: str) -> bool:
+    """Return whether a word names teams or a strategy with settings, not a file with blanks."""
+    path, _, class_name = word.rpartition(":")
+    is_class = " " not in class_name and Path(path).is_file()
+    return " " in word and not is_class and not Path(word).is_file()
 
 
 def _short_names(words: Sequence[str]) -> dict[str, str]:
@@ -175,8 +195,8 @@ def _short_names(words: Sequence[str]) -> dict[str, str]:
     short_names = []
     for word in words:
         path, colon, class_name = word.rpartition(":")
-        is_class = bool(colon) and path.endswith(".py") and " " not in word
-        is_file = word.endswith((".toml", ".json"))
+        is_class = bool(colon) and path.endswith(".py") and not _is_team(word)
+        is_file = word.endswith((".toml", ".json")) and not _is_team(word)
         short_names.append(class_name if is_class else Path(word).stem if is_file else word)
 
     named: dict[str, str] = {}
@@ -194,14 +214,14 @@ def _arguments_of(word: str) -> list[str]:
     Raises:
         UserError: the word names nothing that can be compared.
     """
+    if _is_team(word):
+        return ["--strategy", *split_words(word)]
     suffix = Path(word).suffix
     if suffix in (".toml", ".json"):
         check("candidate", word, "an existing file", Path(word).is_file())
         return [flag("config" if suffix == ".toml" else "genome"), word]
     if word in PRESETS:
         return ["--genome", word]
-    if " " in word:
-        return ["--strategy", *split_words(word)]
 
     from iswarm_mj.strategy.library import STRATEGIES, TASKS, find, installed
 
@@ -222,10 +242,11 @@ def _arguments_of_base(base: Path, word: str, arguments: Sequence[str]) -> list[
     """Return further arguments of a candidate that is compared with a finished run.
 
     A strategy or a task gets all settings of the run, and a TOML file with settings of its own the
-    seed, so that layouts are the same. What is given stays as it is.
+    seed, so that layouts are the same. What is given stays as it is. Of several finished runs, the
+    first alone is read.
 
     Args:
-        base: directory of the finished run.
+        base: directory of the first finished run.
         word: the candidate.
         arguments: arguments of the candidate so far.
     """

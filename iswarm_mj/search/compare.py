@@ -174,7 +174,7 @@ def gather(
 
 
 def _check(candidates: Sequence[Candidate], plan: ComparisonPlan) -> None:
-    """Refuse too few candidates, equal names, other durations, and more worlds of a finished run."""
+    """Refuse too few candidates, equal names, other durations, and finished runs of too few worlds."""
     names = [candidate.name for candidate in candidates]
     check("candidates", ", ".join(names) or "none", "at least two", len(names) > 1)
     repeated = [name for name in names if names.count(name) > 1]
@@ -186,6 +186,11 @@ def _check(candidates: Sequence[Candidate], plan: ComparisonPlan) -> None:
             raise UserError(
                 f"{first.name} runs for {first.steps} steps and {candidate.name} for "
                 f"{candidate.steps}; give both the same number of steps"
+            )
+    for candidate in candidates:
+        if candidate.finished is not None and candidate.finished["n_worlds"] < 2:
+            raise UserError(
+                f"the run in {candidate.name} has 1 world; intervals need at least two, see `worlds`"
             )
     finished = [candidate.name for candidate in candidates if candidate.finished is not None]
     if plan.precision is not None and finished:

@@ -103,6 +103,32 @@ def test_flags_of_the_comparison_stand_anywhere(here):
     assert command.command_arguments == ("--seed", "4")
 
 
+@pytest.mark.parametrize(
+    "flags",
+    [["--no-record"], ["--optics.serial-photodiodes"], ["--optics.no-parity-check"], ["--steps=9"]],
+)
+def test_switches_of_runs_take_no_candidate(flags):
+    command = Compare.parse(["type1", *flags, "type2", "--seed", "4"])
+    assert command.candidates == ("type1", "type2")
+    assert command.command_arguments == (*flags, "--seed", "4")
+
+
+def test_names_of_files_may_have_blanks(here, scenarios):
+    """A word with blanks names teams, unless there is such a file."""
+    (here / "my dir").mkdir()
+    (here / "my dir/walk.py").write_text(WALK)
+    (here / "my own.json").write_text(json.dumps({"fraction_scouts": 0.5}))
+    code_of("compare", "my dir/walk.py:Walk", "my own.json", *FLAGS[-1:])
+    walk, own = scenarios
+    assert type(walk.strategy).__name__ == "Walk"
+    assert own.strategy.fraction_scouts == 0.5
+
+
+def test_teams_may_end_like_a_file(here, capfd):
+    assert code_of("compare", "type1", "type2 own.json") == 2
+    assert "--strategy must be" in capfd.readouterr().err
+
+
 def test_an_error_of_a_candidate_names_it(here, capfd):
     (here / "walk.py").write_text(WALK.replace("jnp.full_like(memory, self.speed)", "seen.nothing"))
     assert code_of("compare", "type1", "walk.py:Walk", *FLAGS, "--worlds=2") == 2

@@ -273,6 +273,13 @@ def test_runs_of_other_lengths_are_refused_before_they_begin(pretended):
     assert not pretended
 
 
+def test_a_finished_run_of_one_world_is_refused_before_others_run(pretended):
+    finished = Candidate("runs/a", 100, finished={"n_worlds": 1})
+    with pytest.raises(UserError, match="the run in runs/a has 1 world; intervals need"):
+        gather([candidate("a"), finished], ComparisonPlan())
+    assert not pretended
+
+
 class TestWorldsThatAreAdded:
     def test_worlds_are_added_until_the_interval_is_narrow_enough(self, pretended):
         """The half-width of n worlds is 2 sqrt(2) 60 / 300 / sqrt(n), 0.1 of 32 worlds."""
