@@ -19,9 +19,10 @@ from iswarm_mj.player.changes import BALL, FAIL, KILL, MOVE, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.inspection import describe_robot
+from iswarm_mj.player.next_start import Misfit
 from iswarm_mj.player.plots import Plots
 from iswarm_mj.player.scenario import PageScenario
-from iswarm_mj.player.session import Activity, Misfit, Session
+from iswarm_mj.player.session import Activity, Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.sweeps import SweepFolder
 from iswarm_mj.player.view import SwarmView
@@ -53,7 +54,10 @@ _OBSTACLE_HALF_EDGE = 1.0
 
 
 _FOLLOW = "The camera moves along with it."
-_ROBOT = "Click on a robot: here it shows what it knows, hears and says. Drag a robot to put it elsewhere."
+_ROBOT = (
+    "Click on a robot: here it shows what it knows, hears and says. "
+    "Drag a robot to put it elsewhere."
+)
 _DRAWN = {
     LINKS: "Lines from each robot to the one that it hears.",
     TRAILS: "The latest way of each robot that is loaded.",
@@ -131,9 +135,10 @@ class Panel:
         with world:
             gui.add_markdown("These wait for **Reset**.")
         self._settings = SettingsTabs(gui, self._inputs, session, rules, world)
-        self._shown_scenarios = (session.wanted, session.now)
+        self._shown_scenarios = (session.next_start, session.now)
         self._shown_parts = _names_of_parts(session.wanted)
         self._pending: dict[str, str] = {}
+        self._has_removed_robot = False
         self._shown_misfit: Misfit | None = None
         with tabs.add_tab("Robot"):
             self.follows = False
@@ -362,12 +367,13 @@ class Panel:
         """
         session = self._session
         session.want("robots", max(1, session.wanted.n_robots - 1))
-        self.synchronise()
+        self._has_removed_robot = True  # `update` shows the new number
 
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
         session = self._session
-        if self._inputs.show_notes():
+        if self._inputs.show_notes() or self._has_removed_robot:
+            self._has_removed_robot = False
             self.synchronise()
         self._show_settings()
         for handle in self._file_controls:
@@ -415,15 +421,16 @@ class Panel:
     def _show_settings(self) -> None:
         """Show inputs for the present settings, and which changes wait for a reset.
 
-        Changed obstacles that wait are drawn as shadows. Nothing is done if neither the scenario
-        that the page asks for (`wanted`) nor that of the run (`now`) has changed.
+        Changed obstacles that wait are drawn as shadows. Nothing is done if neither what waits
+        (`next_start`) nor the scenario of the run (`now`) has changed.
         """
-        wanted = self._session.wanted
+        next_start = self._session.next_start
         now = self._session.now
-        shown_wanted, shown_now = self._shown_scenarios
-        if wanted is shown_wanted and now is shown_now:
+        shown_next_start, shown_now = self._shown_scenarios
+        if next_start is shown_next_start and now is shown_now:
             return
-        self._shown_scenarios = (wanted, now)
+        self._shown_scenarios = (next_start, now)
+        wanted = next_start.wanted
 
         # Add and remove inputs. Their values are set only where another strategy, task or engine
         # brings its own: otherwise the inputs already show what the browser sent. The session may
@@ -471,6 +478,8 @@ class Panel:
         if self._pending:
             changes = "; ".join(f"{label} {text}" for label, text in self._pending.items())
             lines.append(f"**Reset** applies: {changes}.")
+        if session.waiting:
+            lines.append(f"**Reset** drops {len(session.waiting)} changes that are still to come.")
         if session.misfit:
             name, sentence = session.misfit
             lines.append(f"The **{name}** goes on waiting, as it does not fit yet: {sentence}.")

@@ -103,6 +103,10 @@ class PageScenario(Scenario):
         full_path = (part, field_name)
         return full_path if full_path in paths.values() else ()
 
+    def has(self, name: str) -> bool:
+        """Return whether there is a setting with a name, other than strategy, task and engine."""
+        return name in _WITHOUT_PART or bool(self.path_of(self.canonical_name(name)))
+
     def canonical_name(self, name: str) -> str:
         """Return the name of a control by any name of its setting.
 

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 from statistics import median
@@ -32,9 +33,10 @@ from iswarm_mj.player.controls import (
 )
 from iswarm_mj.player.faults import Faults
 from iswarm_mj.player.inbox import Inbox
+from iswarm_mj.player.next_start import Misfit, NextStart
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.scene import areas_differ
-from iswarm_mj.player.user_files import renewed, stamps_of
+from iswarm_mj.player.user_files import Stamps, UserCode, names_of_files
 from iswarm_mj.simulation.scenario_flags import command_line, is_same, toml
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.errors import UserError
@@ -85,15 +87,6 @@ class Activity(NamedTuple):
     """How long it usually takes, as a sentence; empty where nothing can be said."""
 
 
-class Misfit(NamedTuple):
-    """Task, strategy or engine that waits until other settings let a run begin with it."""
-
-    name: str
-    """Name of the setting, such as `task`."""
-    sentence: str
-    """Why no run can begin so."""
-
-
 class Session:
     """A run, the changes made in it, and a picture of its latest control steps.
 
@@ -102,8 +95,7 @@ class Session:
         world: what is recorded and drawn of that world.
         start: scenario with which the run began.
         now: scenario with the settings that were changed since.
-        wanted: scenario with those, too, that wait for a reset.
-        misfit: why a run cannot begin with `wanted` yet; None where it can.
+        next_start: settings that wait for a reset.
         changes: changes of this run so far, in their order.
         waiting: changes that are still to be made.
         is_playing: control steps are taken one after the other.
@@ -117,7 +109,6 @@ class Session:
         inbox: work that browsers asked for.
         out: directory for recordings and sweeps.
         recording: latest file for Rerun; None before the first one.
-        has_files: the strategy or the task that waits for a reset is of a user's file.
         changed_files: names of these files that have changed since they were read.
         file_error: why the present content of such a file cannot be used; empty if it can.
         reloads_by_itself: the run begins again whenever such a file changes.
@@ -143,9 +134,6 @@ class Session:
         _check_changes(scenario, changes)
         self._initial = scenario
         self.out = out
-        self.wanted = scenario
-        self.misfit: Misfit | None = None
-        self._fitting = scenario
         self._refused: PageScenario | None = None
         self.waiting = sorted(changes, key=lambda change: change.step)
         self.version = 0
@@ -164,15 +152,17 @@ class Session:
         self.changed_files: list[str] = []
         self.file_error = ""
         self.reloads_by_itself = False
-        self._stamps = stamps_of(scenario)
+        self._code = UserCode().including(scenario)
+        self._tried: Stamps = {}
         self._looked_at = time.monotonic()
-        self._begin(scenario)
+        self._begin(NextStart.of(scenario))
         for change in self.waiting:
             if change.name in EDITS:
                 edit(self.run, change)  # which refuses what cannot be
 
-    def _begin(self, scenario: PageScenario) -> None:
+    def _begin(self, next_start: NextStart) -> None:
         """Begin another run and complete the recording; where that fails, all stays as it was."""
+        scenario = next_start.fitting
         run = scenario.run()
         world = RecordedWorld.of_run(run, 0)
         frames = world.frames([run.start])
@@ -180,8 +170,8 @@ class Session:
         with self.lock:
             self.start = scenario
             self.now = scenario
-            self.wanted = scenario
-            self.misfit = None
+            self.next_start = next_start
+            self._running_code = self._code
             self.changes: list[Change] = []
             self.run = run
             self.world = world
@@ -192,6 +182,16 @@ class Session:
             self._laps: deque[float] = deque(maxlen=9)
             self.faults.forget()
             self._append(frames, run.start)
+
+    @property
+    def wanted(self) -> PageScenario:
+        """Scenario with the settings, too, that wait for a reset."""
+        return self.next_start.wanted
+
+    @property
+    def misfit(self) -> Misfit | None:
+        """Why a run cannot begin with `wanted` yet; None where it can."""
+        return self.next_start.misfit
 
     @property
     def scene(self) -> Any:
@@ -244,10 +244,10 @@ class Session:
                 worked = True
 
         # Nothing has happened yet: settings need not wait for a reset.
-        next_start = self._next_start
-        is_new = not is_same(next_start, self.start) and next_start is not self._refused
+        start = self.next_start.fitting
+        is_new = not is_same(start, self.start) and start is not self._refused
         if not self.step and is_new:
-            self._succeeds(self.reset)
+            self._succeeds(self._restart)
 
         self._look_at_files()
         self.is_playing &= not self.run.is_over
@@ -257,26 +257,55 @@ class Session:
             worked = True
         return worked
 
-    @property
-    def _next_start(self) -> PageScenario:
-        """What waits for a reset, as far as a run can begin with it."""
-        return self._fitting if self.misfit else self.wanted
+    def _restart(self) -> None:
+        """Begin again with other settings before the first step, and keep all changes that fit."""
+        made = self.changes
+        scheduled = self.waiting
+        self.reset()
+        for change in made:
+            self._is_possible(change, lambda change: self.change(change.name, change.value))
+        self.waiting = [each for each in scheduled if self._is_possible(each, self._check_change)]
+
+    def _is_possible(self, change: Change, attempt: Callable[[Change], Any]) -> bool:
+        """Return whether an attempt with a change succeeds; whoever plays sees why it does not."""
+        try:
+            attempt(change)
+        except UserError as error:
+            self.messages.put(f"the change {change} is left out: {error}")
+            return False
+        return True
+
+    def _check_change(self, change: Change) -> None:
+        """Check that a change is possible in this run.
+
+        Raises:
+            UserError: there is no such setting, robot or place, or the value is out of range.
+        """
+        if change.name in EDITS:
+            edit(self.run, change)
+        else:
+            _check_changes(self.now, [change])
 
     @property
     def has_files(self) -> bool:
         """The strategy or the task that waits for a reset is of a user's file."""
-        return bool(self._stamps)
+        return bool(names_of_files(self.wanted))
 
     def _look_at_files(self) -> None:
         """Notice users' files that have changed, twice a second; read them if this is wished."""
         if time.monotonic() - self._looked_at < LOOK_S:
             return
         self._looked_at = time.monotonic()
-        now = stamps_of(self.wanted)
-        self._stamps = {path: self._stamps.get(path, stamp) for path, stamp in now.items()}
-        self.changed_files = [path.name for path in now if now[path] != self._stamps[path]]
-        if self.changed_files and self.reloads_by_itself:
+        changed = self._changed_files()
+        if changed and changed != self._tried and self.reloads_by_itself:
             self._succeeds(self.reload)
+
+    def _changed_files(self) -> Stamps:
+        """Return the present stamps of files that have changed since they were read; show them."""
+        next_start = self.next_start
+        changed = self._code.changed_files(next_start.wanted, next_start.fitting)
+        self.changed_files = [path.name for path in changed]
+        return changed
 
     def reload(self) -> None:
         """Read the files of strategy and task again, and begin again with what they have now.
@@ -296,26 +325,25 @@ class Session:
 
         An error of a file is shown, and the old code goes on.
         """
-        now = stamps_of(self.wanted)
-        if now.items() <= self._stamps.items() and not self.file_error:
+        next_start = self.next_start
+        self._tried = self._changed_files()
+        if not self._tried:
+            self.file_error = ""
             return True
-        self._stamps = now
-        self.changed_files = []
         try:
-            next_start = renewed(self._next_start)
-            next_start.check()
+            code = self._code.read_again(next_start.wanted, next_start.fitting)
+            renew = partial(code.renewed, before=self._code)
+            initial = renew(self._initial)
+            next_start = next_start.renewed(renew)
         except UserError as error:
             self.file_error = f"{error}; the old code goes on"
             self.messages.put(self.file_error)
             return False
         self.file_error = ""
-        for part in ("strategy", "task"):
-            if next_start.get(part) == self._initial.get(part):
-                self._initial = self._initial.with_part(part, next_start)
-        if self.misfit:
-            self._fitting = next_start
-        else:
-            self.wanted = next_start
+        self.changed_files = []
+        self._code = code
+        self._initial = initial
+        self.next_start = next_start
         return True
 
     def _succeeds(self, call: Callable[[], None]) -> bool:
@@ -393,20 +421,17 @@ class Session:
             UserError: no run can begin so; the present one goes on, and all settings go on waiting.
         """
         self._takes_new_code()
-        wanted = self._next_start
-        self._refused = wanted  # unless the reset succeeds
-        wanted.check()
-        is_other_program = not is_same(replace(wanted, seed=self.now.seed), self.now)
+        start = self.next_start.fitting
+        self._refused = start  # unless the reset succeeds
+        start.check()
+        is_other_program = not is_same(replace(start, seed=self.now.seed), self.now)
         if self.step and is_other_program:
             # JAX keeps each program for ever, 50 MB for each number of robots; the
             # cache on disk still has those that come back.
             jax.clear_caches()
-        still_waiting = (self.wanted, self.misfit)
-        with self._doing(f"a run of {wanted.n_robots} robots"):
-            self._begin(wanted)
+        with self._doing(f"a run of {start.n_robots} robots"):
+            self._begin(self.next_start)
         self._refused = None
-        if still_waiting[1]:
-            self.wanted, self.misfit = still_waiting
         self.waiting = []
 
     def controls(self) -> list[Control]:
@@ -430,11 +455,11 @@ class Session:
     def pending(self) -> dict[str, str]:
         """What the next reset changes: old and new value by the label of the setting."""
         now = self.now  # once, as another thread replaces both
-        wanted = self.wanted
+        start = self.next_start.fitting
         present = {control.name: control.value for control in controls(now)}
         texts = {}
-        for control in map(in_page_units, controls(wanted)):
-            name = now.shared_name(control.name, wanted)
+        for control in map(in_page_units, controls(start)):
+            name = now.shared_name(control.name, start)
             if name is None or name not in present:  # of another strategy or task
                 continue
             before = control.of_page(present[name])
@@ -442,13 +467,11 @@ class Session:
                 texts[control.label] = (
                     f"{control.text_of(before)} → {control.text_of(control.value)}"
                 )
-        if wanted.n_robots != now.n_robots and wanted.robots is None:
-            texts["robots"] += (
-                f", as robots stand on {100 * wanted.density:.3g} % of the free floor"
-            )
-        if wanted.config.arena.obstacles != now.config.arena.obstacles:
+        if start.n_robots != now.n_robots and start.robots is None:
+            texts["robots"] += f", as robots stand on {100 * start.density:.3g} % of the free floor"
+        if start.config.arena.obstacles != now.config.arena.obstacles:
             n_before = len(now.config.arena.obstacles)
-            texts["obstacles"] = f"{n_before} → {len(wanted.config.arena.obstacles)}"
+            texts["obstacles"] = f"{n_before} → {len(start.config.arena.obstacles)}"
         return texts
 
     def set(self, name: str, value: Any) -> None:
@@ -474,39 +497,15 @@ class Session:
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.
         """
-        is_part = name in PARTS
-        if is_part and value == self._initial.get(name):
+        if name not in PARTS:
+            self.next_start = self.next_start.with_setting(name, value)
+        elif value == self._initial.get(name):
             wanted = self.wanted.with_part(name, self._initial)
+            self.next_start = self.next_start.with_part(name, wanted)
         else:
             wanted = self.wanted.set(name, value)
-        self._keep(wanted, name, is_part=is_part)
-
-    def _keep(self, wanted: PageScenario, name: str, *, is_part: bool) -> None:
-        """Let settings wait for a reset, if a run can begin with them.
-
-        Another task, strategy or engine waits also if it does not fit the other settings, since its
-        own can only be changed once it is chosen.
-
-        Args:
-            wanted: settings.
-            name: the setting that is new.
-            is_part: it is a task, strategy or engine.
-
-        Raises:
-            UserError: no run can begin with them.
-        """
-        try:
-            wanted.check()
-        except UserError as error:
-            if not (is_part or self.misfit):
-                raise
-            if self.misfit is None:
-                self._fitting = self.wanted
-            part = name if is_part or self.misfit is None else self.misfit.name
-            self.misfit = Misfit(part, str(error))
-        else:
-            self.misfit = None
-        self.wanted = wanted
+            self._code = self._code.including(wanted)
+            self.next_start = self.next_start.with_part(name, wanted)
 
     def change(self, name: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball.
@@ -543,13 +542,11 @@ class Session:
         """Change a setting of the run, and of what waits if that has it, too; both or none."""
         config_before = self.now.config
         now = self.now.set(name, parsed(self.now, name, text))
-        wanted = _with_rule_of(now, self.wanted, name)
-        fitting = _with_rule_of(now, self._next_start, name)
+        next_start = self.next_start.with_rule(now, name)
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
         self.now = now
-        self.wanted = wanted
-        self._fitting = fitting
+        self.next_start = next_start
         if task is not None or now.config != config_before:
             self._follow_areas()
 
@@ -577,12 +574,24 @@ class Session:
         """Return the settings and changes that reproduce the run so far, by the names of flags.
 
         Raises:
-            UserError: no flag can state one of them.
+            UserError: no flag can state one of them, or a file with the code that runs has changed.
         """
+        self.check_code()
         values = self.start.values()
         if self.changes:
             return values | {"changes": tuple(str(change) for change in self.changes)}
         return values | {"steps": max(1, self.step)}
+
+    def check_code(self) -> None:
+        """Check that users' files still have the code that runs.
+
+        Raises:
+            UserError: one has changed since.
+        """
+        changed = self._running_code.changed_files(self.start)
+        if changed:
+            names = " and ".join(path.name for path in changed)
+            raise UserError(f"{names} changed after the run began; Reset reads it again")
 
     @property
     def _subcommand(self) -> str:
@@ -660,15 +669,3 @@ def _check_changes(scenario: PageScenario, changes: Sequence[Change]) -> None:
         if change.name not in EDITS:
             name = scenario.canonical_name(change.name)
             scenario = scenario.set(name, parsed(scenario, name, change.value))
-
-
-def _with_rule_of(now: PageScenario, other: PageScenario, name: str) -> PageScenario:
-    """Return another scenario with a rule of the present one, if it has that rule.
-
-    Args:
-        now: scenario with the rule.
-        other: scenario that may have it, too.
-        name: name of the rule in `now`.
-    """
-    own_name = other.shared_name(name, now)
-    return other if own_name is None else other.set(own_name, now.get(name))

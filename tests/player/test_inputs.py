@@ -26,6 +26,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inbox import MOST_CLICKS
 from iswarm_mj.player.inputs import Inputs
+from iswarm_mj.player.next_start import NextStart
 from iswarm_mj.player.panel import CLICK_EFFECTS, DROP, LIFE
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
@@ -252,7 +253,7 @@ def assert_begins_again(browser, scenario):
 
     def begin():
         session.is_playing = False
-        session.wanted = scenario
+        session.next_start = NextStart.of(scenario)
         session.reset()
         session.advance()
         has_begun.set()
@@ -353,7 +354,9 @@ def play_as_a_monkey(page, browser, rng, n_events, *, n_resets, effects):
             browser.click(rng.uniform(-30, 30), rng.uniform(-30, 30))
         elif event == "drag":
             place = (rng.uniform(-15, 15), rng.uniform(-15, 15), 45.0)
-            send_drag(page, rng.randrange(10), (0.0, 0.0, 90.0), place)
+            robot = rng.randrange(10)
+            for phase in ("start", "end"):
+                send_drag(page, robot, (0.0, 0.0, 90.0), place, phase)
         else:
             browser.set("share that fails", rng.choice((0.0, 0.1, 0.2)))
             browser.press("Let them fail now")

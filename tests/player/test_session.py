@@ -11,6 +11,7 @@ from support.sessions import PAGE_SCENARIO, assert_same, begun, names_of, state,
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.schema import Frames
+from iswarm_mj.player.changes import Change
 from iswarm_mj.player.faults import describe
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -107,6 +108,20 @@ def test_before_the_first_step_no_setting_waits():
     session.set("arena.size", 30.0)
     session.work()
     assert session.run.config.arena.size == 30
+
+
+def test_before_the_first_step_changes_are_kept_where_a_setting_changes():
+    session = Session(PAGE_SCENARIO, [Change.parse("2:kill=1"), Change.parse("3:kill=19")])
+    session.change("kill", "5")
+    session.change("kill", "18")
+    session.set("robots", 15)
+    session.work()
+    assert len(session.is_alive) == 15
+    assert names_of(session.changes) == ["0:kill=5"]
+    assert np.flatnonzero(~session.is_alive).tolist() == [5]
+    assert names_of(session.waiting) == ["2:kill=1"]
+    assert next_message(session).startswith("the change 0:kill=18 is left out: there is no robot")
+    assert next_message(session).startswith("the change 3:kill=19 is left out: there is no robot")
 
 
 def test_rules_do_not_pass_to_another_class_of_strategy_that_waits():

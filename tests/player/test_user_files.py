@@ -9,7 +9,7 @@ from support.page import CONFIG, Browser, draw, opened, stop_threads, work
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
-from iswarm_mj.player.user_files import renewed
+from iswarm_mj.player.user_files import UserCode
 from iswarm_mj.simulation.scenario_flags import made_of
 from iswarm_mj.strategy.library import STRATEGIES
 from iswarm_mj.tasks.aggregation import Aggregation
@@ -139,12 +139,79 @@ def test_the_first_strategy_comes_back_with_its_present_code(session, file):
     assert session.wanted.get("longest_wait") == 25.0
 
 
+def test_an_edit_while_another_strategy_is_wanted_is_not_missed(session, file):
+    session.want("strategy", "beeclust")
+    look(session)
+    edit(file, WALK.format(wait=25.0))
+    session.want("strategy", f"{file}:Walk")
+    look(session)
+    session.reset()
+    assert session.now.get("longest_wait") == 25.0
+
+
+def test_a_file_that_was_away_is_read_once_it_is_back(session, file):
+    session.advance()
+    status = file.stat()
+    file.unlink()
+    look(session)
+    assert session.changed_files == ["walk.py"]
+    session.reset()
+    assert "does not exist" in session.file_error
+    file.write_text(WALK.format(wait=25.0))
+    os.utime(file, ns=(status.st_atime_ns, status.st_mtime_ns + 1_000_000_000))
+    look(session)
+    session.reset()
+    assert session.now.get("longest_wait") == 25.0
+    assert not session.file_error
+
+
+def test_an_edit_while_the_task_does_not_fit_is_read(session, file):
+    session.advance()
+    session.want("task", "cleaning")
+    assert session.misfit
+    edit(file, WALK.format(wait=25.0))
+    session.reset()
+    assert session.now.get("longest_wait") == 25.0
+    assert session.wanted.get("longest_wait") == 25.0
+    assert session.wanted.get("task") == "cleaning"
+    assert session.misfit
+
+
+def test_an_object_of_a_file_is_read_again_and_keeps_what_was_changed(tmp_path):
+    file = tmp_path / "mine.py"
+    text = "from iswarm_mj.tasks.aggregation import Beeclust\nmine = Beeclust(longest_wait={})\n"
+    file.write_text(text.format(20.0))
+    session = Session(scenario_of(f"{file}:mine"))
+    session.want("leaving", 9.0)
+    edit(file, text.format(33.0))
+    session.reset()
+    assert session.now.get("longest_wait") == 33.0
+    assert session.now.get("leaving") == 9.0
+
+
+def test_no_command_repeats_a_run_whose_file_has_changed(session, file):
+    session.advance()
+    assert "walk.py:Walk" in session.command()
+    edit(file, BROKEN)
+    for text in (session.command, session.toml):
+        with pytest.raises(UserError, match=r"walk\.py changed after the run began"):
+            text()
+    session.reset()
+    assert session.changed_files == ["walk.py"]  # its error leaves the old code
+    with pytest.raises(UserError, match=r"walk\.py changed after the run began"):
+        session.check_code()
+    edit(file, WALK.format(wait=25.0))
+    session.reset()
+    assert "walk.py:Walk" in session.command()
+
+
 def test_teams_keep_their_names_and_changed_values(file, tmp_path):
     second = tmp_path / "turn.py"
     second.write_text(WALK.format(wait=10.0).replace("Walk", "Turn"))
     scenario = scenario_of(f"{file}:Walk=0.5 {second}:Turn=0.5")
+    before = UserCode().including(scenario)
     edit(second, WALK.format(wait=15.0).replace("Walk", "Turn"))
-    walk, turn = renewed(scenario).strategy.teams
+    walk, turn = before.read_again(scenario).renewed(scenario, before).strategy.teams
     assert (walk.name, walk.strategy.longest_wait) == ("Walk", 20.0)
     assert (turn.name, turn.strategy.longest_wait) == ("Turn", 15.0)
 
