@@ -138,6 +138,7 @@ class Page:
         aim(server.initial_camera, session.scene)
         self._panel = Panel(server, session, calibrations)
         self._panel.rebuild()
+        self._version_of_drag: dict[int, int] = {}  # version of the session, by the browser
         self._let_robots_be_dragged()
         server.scene.on_click()(self._clicked)
         server.on_client_connect(self._connected)
@@ -201,7 +202,7 @@ class Page:
         for thread in self._threads:
             thread.join(max(0.0, end - time.monotonic()))
 
-        self._panel.sweeps.stop()
+        self._panel.sweeps.close()
         self.session.stop_recording()
         close_server(self._server)
 
@@ -351,10 +352,19 @@ class Page:
             node.on_drag("left")(self._dragged)
 
     def _dragged(self, event: Any) -> None:
-        """Put a robot where a drag ends; the place is the one on the floor behind the pointer."""
+        """Put a robot where a drag ends; the place is the one on the floor behind the pointer.
+
+        A drag that outlives its run or its browser, for which viser ends it, has no effect.
+        """
+        session = self.session
+        if event.phase == "start":
+            self._version_of_drag[event.client_id] = session.version
         if event.phase != "end" or event.instance_index is None:
             return
-        session = self.session
+        version = self._version_of_drag.pop(event.client_id, None)
+        is_connected = event.client_id in self._server.get_clients()
+        if version != session.version or not is_connected:
+            return
         camera = np.array(event.client.camera.position, float)
         ray = np.array(event.end_position, float) - camera
         half_height = session.scene.height * shapes.MILLIMETRES / 2

@@ -389,6 +389,7 @@ def drag(page, robot, x, y, phase="end"):
 def test_a_robot_that_is_dragged_stands_where_the_drag_ends(still):
     page, browser = still
     session = page.session
+    drag(page, 5, 18.0, -18.0, phase="start")
     drag(page, 5, 18.0, -18.0, phase="update")
     assert not session.inbox
     drag(page, 5, 18.0, -18.0)
@@ -397,6 +398,7 @@ def test_a_robot_that_is_dragged_stands_where_the_drag_ends(still):
     (change,) = session.changes
     assert (change.step, change.name) == (1, "move")
 
+    drag(page, 5, 900.0, 0.0, phase="start")
     drag(page, 5, 900.0, 0.0)  # beyond the walls
     work(page)
     assert (
@@ -404,6 +406,19 @@ def test_a_robot_that_is_dragged_stands_where_the_drag_ends(still):
         in (browser.notifications[-1])
     )
     assert len(session.changes) == 1
+
+
+def test_a_drag_that_outlives_its_run_or_its_browser_has_no_effect(still):
+    page, browser = still
+    drag(page, 5, 18.0, -18.0, phase="start")
+    page.session.reset()
+    drag(page, 5, 18.0, -18.0)
+    assert not page.session.inbox
+
+    drag(page, 5, 18.0, -18.0, phase="start")
+    browser.close()
+    drag(page, 5, 18.0, -18.0)
+    assert not page.session.inbox
 
 
 def test_cameras_follow_the_selected_robot(still):

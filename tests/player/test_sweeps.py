@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.page import Browser, draw, opened, stop_threads, wait, work
+from support.page import Browser, opened, stop_threads, wait, work
 from support.sessions import PAGE_SCENARIO
 
 from iswarm_mj.player import sweeps
@@ -30,6 +30,9 @@ def started(monkeypatch):
         def terminate(self):
             self.returncode = -15
 
+        def wait(self, timeout):
+            assert self.returncode is not None
+
     monkeypatch.setattr(sweeps.subprocess, "Popen", Process)
     return commands
 
@@ -51,6 +54,11 @@ def test_whole_numbers_stay_whole_and_differ():
     assert "--robots" not in words
 
 
+def test_large_whole_numbers_are_written_with_all_digits():
+    words = sweep_words(PAGE_SCENARIO, "robots", np.array([1e6, 2e6]), n_worlds=1, n_steps=3)
+    assert words[-1] == "robots=1000000,2000000"
+
+
 def test_settings_that_are_no_numbers_cannot_be_swept():
     swept = swept_settings(PAGE_SCENARIO)
     assert {"robots", "p_vector_forget", "optics.baud_rate"} <= swept.keys()
@@ -59,20 +67,20 @@ def test_settings_that_are_no_numbers_cannot_be_swept():
 
 def test_one_sweep_runs_at_a_time_and_can_be_stopped(still, started):
     page, browser = still
-    browser.set("setting", "p_vector_forget")
+    browser.set("setting", "p vector forget")
     assert (browser.value("from"), browser.value("to")) == (0.0, 1.0)
     browser.set("values", 3)
     browser.press("Run the sweep")
     browser.press("Run the sweep")
-    draw(page)
+    work(page)
     assert "a sweep is running; wait for it, or stop it" in browser.notifications
     (words,) = started
-    assert words[1:5] == ["-m", "iswarm_mj", "sweep", "run"]
+    assert words[1:6] == ["-P", "-m", "iswarm_mj", "sweep", "run"]
     assert words[-4:-1] == ["--over", "p-vector-forget=0,0.5,1", "--out"]
     assert "The sweep runs, since 0 s." in browser.text
 
     browser.press("Stop the sweep")
-    draw(page)
+    work(page)
     assert "The sweep ended: it was stopped" in browser.text
     assert not browser.handle(browser.find("Stop the sweep")).visible
 
@@ -82,9 +90,29 @@ def test_an_empty_range_is_refused(still, started):
     browser.set("from", 2.0)
     browser.set("to", 1.0)
     browser.press("Run the sweep")
-    draw(page)
+    work(page)
     assert "to must be above from, 2 (got 1.0)" in browser.notifications[-1]
     assert not started
+
+
+def test_settings_have_the_names_and_the_units_of_the_page(still, started, recordings):
+    page, browser = still
+    label = next(
+        label for label in browser.inputs[browser.find("setting")].choices if "µF" in label
+    )
+    browser.set("setting", label)
+    browser.set("from", 1.0)
+    browser.set("to", 2.0)
+    browser.set("values", 2)
+    browser.press("Run the sweep")
+    work(page)
+    (words,) = started
+    assert words[-3].endswith("=1e-06,2e-06")
+    assert (recordings / "sweep-1").is_dir()  # no other page takes it
+
+    browser.press("Stop the sweep")
+    work(page)
+    assert [path.name for path in recordings.iterdir()] == ["sweep-1"]  # and no messages
 
 
 @pytest.mark.slow
@@ -93,7 +121,7 @@ def test_a_sweep_gives_a_table_and_a_figure(tmp_path):
         stop_threads(page)
         browser = Browser(page)
         page.session.advance()
-        browser.set("setting", "p_vector_forget")
+        browser.set("setting", "p vector forget")
         for name, value in {"values": 2, "worlds": 1, "steps": 3}.items():
             browser.set(name, value)
         browser.press("Run the sweep")

@@ -175,7 +175,13 @@ def send_drag(page, robot, camera, pointer, phase="end"):
     """
     client = SimpleNamespace(camera=SimpleNamespace(position=camera))
     page._dragged(
-        SimpleNamespace(client=client, phase=phase, instance_index=robot, end_position=pointer)
+        SimpleNamespace(
+            client=client,
+            client_id=BROWSER,
+            phase=phase,
+            instance_index=robot,
+            end_position=pointer,
+        )
     )
 
 
