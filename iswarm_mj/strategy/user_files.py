@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from threading import RLock
 from types import ModuleType
 from typing import NamedTuple
 
@@ -24,6 +25,8 @@ class _Imported(NamedTuple):
     """Its module."""
 
 
+_IMPORTING = RLock()
+"""Held while a file is executed, as that changes the modules and the path of all threads."""
 _IMPORTED: dict[str, _Imported] = {}
 """Files that were executed without an error, by the names of their modules."""
 
@@ -34,8 +37,15 @@ def import_file(path: Path) -> ModuleType | None:
     The file can import what lies beside it, as a script can. It is executed again if it has changed
     since, so that edits count, and objects of its classes are equal as long as it has not; what it
     imports is executed once, as all modules are. Files of one name in different directories are
-    different modules, and so are the files that they import from there.
+    different modules, and so are the files that they import from there. Of several threads, one
+    executes files at a time.
     """
+    with _IMPORTING:
+        return _import_now(path)
+
+
+def _import_now(path: Path) -> ModuleType | None:
+    """Execute a file, and return its module, see `import_file`."""
     path = path.resolve()
     script = _running_script(path)
     if script is not None:

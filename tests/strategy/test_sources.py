@@ -3,13 +3,14 @@
 import importlib
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import get_type_hints
 
 import pytest
 
 from iswarm_mj.strategy.library import find_strategy, find_teams
-from iswarm_mj.strategy.user_files import sources
+from iswarm_mj.strategy.user_files import import_file, sources
 from iswarm_mj.utils.errors import UserError
 
 ROOT = Path(__file__).parents[2]
@@ -195,3 +196,11 @@ def test_teams_of_one_strategy_are_numbered(tmp_path):
         "Walk2": (0.5, "Walk"),
         "Walk3": (0.25, "Walk"),
     }
+
+
+def test_two_threads_execute_a_file_once(tmp_path):
+    file = tmp_path / "slow.py"
+    file.write_text("import time\ntime.sleep(0.2)\n")
+    with ThreadPoolExecutor(2) as pool:
+        first, second = pool.map(import_file, [file, file])
+    assert first is second

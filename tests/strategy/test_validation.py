@@ -296,3 +296,8 @@ def test_other_missing_keys_are_errors_of_their_own():
         return memory["age"], None
 
     refused("Mine.act raised KeyError: 'age'", act=act)
+
+    def act_without_a_key(self, memory, seen, key):
+        raise KeyError
+
+    refused(r"Mine.act raised KeyError \(", act=act_without_a_key)
