@@ -19,7 +19,8 @@ from iswarm_mj.utils.operating_system import own_group
 RATE_FACTOR = 30
 """Constant rate factor of x264: from 0, without loss, to 51."""
 _CODECS = {
-    ".mp4": f"-c:v libx264 -preset veryfast -pix_fmt yuv420p -crf {RATE_FACTOR} -movflags +faststart -f mp4",
+    ".mp4": f"-c:v libx264 -preset veryfast -pix_fmt yuv420p -crf {RATE_FACTOR} "
+    "-movflags +faststart -f mp4",
     ".gif": "-loop 0 -f gif",
     ".webp": "-c:v libwebp_anim -pix_fmt yuv420p -quality 75 -compression_level 2 -loop 0 -f webp",
 }

@@ -1,1 +1,1 @@
-"""The page to play with: a swarm or the gripper's bench in a browser, changed while it runs; and replays."""
+"""The page to play with: a swarm or the gripper's bench in a browser; and replays of runs."""

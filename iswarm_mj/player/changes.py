@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.geometry.obstacles import distances, numbers
 from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.simulation.failures import STREAM
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.utils.constraints import check
@@ -25,8 +26,6 @@ MOVE = "move"
 EDITS = (KILL, REVIVE, BALL, FAIL, MOVE)
 """Changes that are no settings; they name a robot by its number, the place x,y of a ball [rd], the
 share of the robots that fail, or a robot and its new place as 17,3.5,-2."""
-_STREAM_OF_FAILURES = 0x4641494C
-"""Number that tells draws of failures from others of the same seed and step."""
 _MOST_DIGITS = 9
 """Most digits of the number of a control step."""
 
@@ -86,7 +85,7 @@ def edit_of_swarm(run: Run, change: Change) -> Callable[[SwarmState], SwarmState
     if change.name == FAIL:
         (share,) = _numbers(change, float, 1, "a share of the robots, as 40:fail=0.1")
         check("fail", share, "between 0 and 1", 0 <= share <= 1)
-        rng = np.random.default_rng([run.settings.seed, change.step, _STREAM_OF_FAILURES])
+        rng = np.random.default_rng([run.settings.seed, change.step, STREAM])
         return partial(_let_fail, share, rng.permutation(run.settings.n_robots))
     (robot,) = _numbers(change, int, 1, "a robot by its number")
     return partial(_set_alive, _checked_robot(run, robot), is_alive=change.name == REVIVE)

@@ -1,5 +1,6 @@
 """Frames of a recorded run, and checks of what a replay or a video shows of them."""
 
+from iswarm_mj.output.legend import LINKS, TRAILS
 from iswarm_mj.output.loading import SavedRun
 from iswarm_mj.output.memory_vectors import recorded_vectors
 from iswarm_mj.output.schema import ARRAYS, Frames
@@ -27,6 +28,6 @@ def check_names(film: Film, scene: Scene, frames: Frames) -> None:
     """
     ways = ways_to_colour(scene, frames[:1])
     check("colour_by", film.colour_by, " or ".join(ways), film.colour_by in ways)
-    drawable = ("links", "trails", *(vector.stem for vector in recorded_vectors(scene.memory)))
+    drawable = (LINKS, TRAILS, *(vector.stem for vector in recorded_vectors(scene.memory)))
     for name in film.draw:
         check("draw", name, f"some of {', '.join(drawable)}", name in drawable)

@@ -60,8 +60,8 @@ logging.getLogger("asyncio").addFilter(
 
 
 # What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks
-# and drags on the arena. The names are viser's. Other messages do not pass, such as uploads, requests for a
-# public address, and changes of other properties of a control than its value.
+# and drags on the arena. The names are viser's. Other messages do not pass, such as uploads,
+# requests for a public address, and changes of other properties of a control than its value.
 
 _Coordinate = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
@@ -199,7 +199,8 @@ class Guard:
         if not is_guarded or controls is None or not _knows_messages():
             version = viser.__version__
             raise UserError(
-                f"viser {version} cannot close the page to others; viser 1.1 can: `pip install 'viser>=1.1,<1.2'`"
+                f"viser {version} cannot close the page to others; viser 1.1 can: "
+                "`pip install 'viser>=1.1,<1.2'`"
             )
         self._controls = controls
 

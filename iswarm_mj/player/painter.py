@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.frames import FIXED_AREAS
-from iswarm_mj.output.legend import ARROW_COLOURS
+from iswarm_mj.output.legend import ARROW_COLOURS, LINKS, TRAILS
 from iswarm_mj.output.palette import BOX, FLOOR, SKY, Rgb, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.swarm_classes import LINK_CLASSES
@@ -39,8 +39,6 @@ _BALL_SECTIONS = 12
 """Corners of balls."""
 _BALL_RADIUS = 0.25
 """Mean radius of the balls as they are drawn, in lengths of a robot."""
-_HELD = 1
-"""State of balls that a robot holds, in `Frames.ball_state`."""
 _SQUARE = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 """Corners of a square of half width 1, anticlockwise."""
 _ANGLES = np.linspace(0, 2 * np.pi, 64, endpoint=False)
@@ -66,7 +64,7 @@ class Look(NamedTuple):
     """Width and height [pixels]."""
     colour_by: str = arrays.STATE
     """What colours robots, one of `scene.ways_to_colour`."""
-    draw: tuple[str, ...] = ("links",)
+    draw: tuple[str, ...] = (LINKS,)
     """Lines that are drawn: links, trails, and names of remembered vectors."""
     legend: Sequence[tuple[str, Rgb | None]] = ()
     """Labels, and the colours that they explain; no legend without any."""
@@ -160,7 +158,7 @@ class Painter:
         # From the floor upwards.
         self._paint_areas(now)
         self._paint_lines(past, now)
-        is_held = after.ball_state[0] == _HELD
+        is_held = after.ball_state[0] == arrays.HELD
         self._paint_balls(now, ~is_held)
         self._paint_bodies(after, now)
         self._paint_balls(now, is_held)
@@ -265,14 +263,14 @@ class Painter:
 
     def _paint_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
         """Draw links and trails."""
-        if "links" in self.look.draw:
+        if LINKS in self.look.draw:
             after = past[-1]
             ends = shapes.link_ends(after, now.centre[None])
             is_heard = after.link_heard[after.link_valid]
             (_, _, damaged), (_, _, heard) = LINK_CLASSES
             self._stroke(ends[is_heard], heard, 0.08 * self._length)
             self._stroke(ends[~is_heard], damaged, 0.08 * self._length)
-        if "trails" in self.look.draw:
+        if TRAILS in self.look.draw:
             self._stroke(arrays.trails(self.scene, past), rgb(SKY), 0.1 * self._length)
 
     def _paint_arrows(self, after: Frames, now: arrays.Moment) -> None:

@@ -26,7 +26,7 @@ HOPS = "hops to "
 """Ways to colour robots; others are `hops to NAME`, `says NAME` and `remembers NAME`."""
 _TOP = 15
 """Hop count whose colour is the brightest."""
-_HELD = 1
+HELD = 1
 """State of balls that a robot holds, in `Frames.ball_state`."""
 
 
@@ -86,7 +86,7 @@ def _balls_between(
     stays = distance < 5 * scene.length * 1e3
     balls = np.where(stays, start + share * (end - start), end)
 
-    is_held = after.ball_state[0] == _HELD
+    is_held = after.ball_state[0] == HELD
     balls[is_held, 2] += 1.2 * scene.height * shapes.MILLIMETRES
     return balls.astype(np.float32)
 

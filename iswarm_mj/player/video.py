@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from iswarm_mj.output.legend import BALLS
+from iswarm_mj.output.legend import BALLS, TRAILS
 from iswarm_mj.output.loading import SavedRun
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
@@ -32,9 +32,9 @@ def write_video(
     size: tuple[int, int] = (1280, 720),
     has_legend: bool = True,
 ) -> int:
-    """Write a video of the first recorded world of a run, whole or not at all; return its last step.
+    """Write a video of the first recorded world of a run, and return its last step.
 
-    Robots move straight between two steps.
+    It is written whole or not at all. Robots move straight between two steps.
 
     Args:
         run: a recorded run.
@@ -114,7 +114,7 @@ def _pictures(
     painter: Painter, run: SavedRun, frames: Frames, film: Film, times: list[float]
 ) -> Iterator[Picture]:
     """Yield pictures with their captions at some times, in control steps."""
-    n_before = TRAIL_FRAMES if "trails" in film.draw else 1
+    n_before = TRAIL_FRAMES if TRAILS in film.draw else 1
     for time in times:
         step_after = math.ceil(time)
         with run.explained():

@@ -12,8 +12,8 @@ from iswarm_mj.utils.errors import ConfigError
 
 NEVER = np.iinfo(np.int32).max
 """Number of the control step at which robots fail that do not fail."""
-_STREAM = 0x4641494C
-"""Number that tells draws of failures from others of the same key."""
+STREAM = 0x4641494C
+"""Number that tells draws of failures from others of the same key or seed."""
 _FORM = "SHARE:STEP, as 0.1:400 for a tenth of the robots at step 400"
 
 
@@ -85,7 +85,7 @@ def failing_steps(
         return None
     steps = np.full((len(n_robots), n_places), NEVER, np.int32)
     for world, (key, number) in enumerate(zip(np.asarray(keys), n_robots, strict=True)):
-        rng = np.random.default_rng([*key.tolist(), _STREAM])
+        rng = np.random.default_rng([*key.tolist(), STREAM])
         n_failing = round(failures.share * number)
         steps[world, rng.permutation(number)[:n_failing]] = failures.step
     return steps
