@@ -275,6 +275,7 @@ class _Batch:
             return rows, settings
 
         run = self._run
+        assert run is not None
         self._run = None  # worlds need no memory after their end
         with _named_errors(self._name):
             rows = rows_of_run(run)

@@ -299,7 +299,10 @@ class Comparison:
 
 
 def number_text(value: float) -> str:
-    """Return a number with three digits, or all before the point; no power of ten below 10^9."""
+    """Return a number with at most three digits, or all before the point, as 0.5 or 12345.
+
+    There is no power of ten from 0.0001 to 10^9.
+    """
     return f"{value:.0f}" if 999.5 <= abs(value) < 1e9 else f"{value:.3g}"
 
 

@@ -52,9 +52,20 @@ def _caption(comparison: Comparison) -> str:
     return (
         f"Left: worlds, and their {comparison.statistic}s with {level} intervals; thin lines join "
         f"worlds with the same layout.\nRight: differences of the {comparison.statistic}s from "
-        f"that of {first} with {level} intervals, by bootstrap over worlds; open marks are not "
+        f"that of {first} with {level} intervals, {_resampled(comparison)}; open marks are not "
         "decided.\nWorlds that did not finish count as the last step; those with a fault are left "
         "out."
+    )
+
+
+def _resampled(comparison: Comparison) -> str:
+    """Return of which worlds the differences are."""
+    effects = [of_candidate[comparison.measure] for of_candidate in comparison.effects.values()]
+    paired = [effect.is_paired for effect in effects]
+    if all(paired):
+        return "by bootstrap over pairs of worlds, others left out"
+    return (
+        "by bootstrap over pairs of worlds or worlds" if any(paired) else "by bootstrap over worlds"
     )
 
 

@@ -245,6 +245,30 @@ class TestResult:
         assert len(pairs) == 8
         assert right.get_ylabel() == "difference from first"
 
+    def test_the_figure_shows_differences_filled_where_decided(self, monkeypatch, tmp_path):
+        axes = captured(monkeypatch, plot_comparison)
+        undecided = outcome("undecided", [60, 40, 70, 60, 90, 80, 40, 71])
+        comparison = compared(FIRST, LATER, undecided)
+        comparison.draw(tmp_path / "compare")
+        bars = axes["compare"][1].containers
+        for container, name in zip(bars, ("later", "undecided"), strict=True):
+            middle, low, high = comparison.effects[name]["finished_at"].difference
+            ((segment,),) = [ends.get_segments() for ends in container.lines[2]]
+            assert container.lines[0].get_ydata().tolist() == [middle]
+            assert segment[:, 1].tolist() == pytest.approx([low, high])
+            is_filled = container.lines[0].get_markerfacecolor() != "white"
+            assert is_filled == (name == "later")
+
+    def test_the_caption_says_which_worlds_the_differences_are_of(self):
+        """Worlds of another seed are not paired with those of the first candidate."""
+        other = outcome("other", [45] * 8, {"settings": {"seed": 1, "n_robots": 5}})
+        paired = plot_comparison._caption(compared(FIRST, LATER))
+        assert "by bootstrap over pairs of worlds, others left out;" in paired
+        unpaired = plot_comparison._caption(compared(FIRST, other))
+        assert "by bootstrap over worlds;" in unpaired
+        both = plot_comparison._caption(compared(FIRST, LATER, other))
+        assert "by bootstrap over pairs of worlds or worlds;" in both
+
 
 @pytest.fixture
 def pretended(monkeypatch):
