@@ -219,9 +219,15 @@ class Comparison:
         return f"{name}, each measure by itself at {100 * LEVEL.get():g} %: {'; '.join(parts)}."
 
     def _not_compared(self, name: str) -> list[str]:
-        """Return measures that not all candidates have, or that fewer than two worlds know."""
+        """Return measures that some worlds know, but not two of each candidate."""
         measures = dict.fromkeys(chain.from_iterable(map(_measures, self.outcomes)))
-        return [measure for measure in measures if measure not in self.effects[name]]
+        rows = [row for outcome in self.outcomes for row in outcome.rows]
+        return [
+            measure
+            for measure in measures
+            if measure not in self.effects[name]
+            and any(row.get(measure) is not None for row in rows)
+        ]
 
     def table(self) -> list[str]:
         """Return a table with a line for each further candidate and measure."""

@@ -193,9 +193,16 @@ class TestResult:
         assert "picked" in table and "delivered" not in table
 
     def test_measures_that_not_all_have_are_named(self):
-        """One is unknown in all worlds of the second, one is text there, one it does not have."""
-        first = outcome("first", [9] * 8, carried=[1] * 8, note=[None] * 8, extra=[2] * 8)
-        second = outcome("second", [8] * 8, carried=[None] * 8, note=["late"] * 8)
+        """One is unknown in all worlds of the second, one is text there, one it does not have.
+
+        What no world knows is not named.
+        """
+        first = outcome(
+            "first", [9] * 8, carried=[1] * 8, note=[None] * 8, extra=[2] * 8, impact=[None] * 8
+        )
+        second = outcome(
+            "second", [8] * 8, carried=[None] * 8, note=["late"] * 8, impact=[None] * 8
+        )
         comparison = compared(first, second)
         assert {"carried", "note", "extra"}.isdisjoint(comparison.effects["second"])
         ending = "no other measure differs; not compared: carried, note, extra."
