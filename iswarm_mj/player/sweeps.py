@@ -37,7 +37,7 @@ _LIST = "Runs of the present settings, with changes made so far, for several val
 class _Sweep(NamedTuple):
     """A sweep that was started and whose end was not shown yet."""
 
-    process: "subprocess.Popen[bytes]"
+    process: "subprocess.Popen[Any]"
     out: Path
     """Folder of its results."""
     began: float

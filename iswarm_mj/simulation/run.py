@@ -294,9 +294,9 @@ class Run:
         poses[0, index, :2] = place
 
         robots = poses[0, : self.worlds[0].n_robots]
-        boxes = numbers(self.config.arena.boxes, RD)
-        boxes = with_poses(boxes[:0], poses[0, self._capacity :], boxes[:, -2:])
-        check_place(index, robots, self.robot, self.config.arena, boxes)
+        at_start = numbers(self.config.arena.boxes, RD)
+        boxes = with_poses(at_start[:0], poses[0, self._capacity :], at_start[:, -2:])
+        check_place(index, robots, self.robot, self.config.arena, np.asarray(boxes))
         self._loop.place(poses)
         self._snapshot = None
 
