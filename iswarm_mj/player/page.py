@@ -300,8 +300,9 @@ class Page:
         self._followed = _Followed(robot, place)
         for client in self._server.get_clients().values():
             # At first the robot comes to the middle, and then each camera moves as it does.
-            is_same_robot = before is not None and before.robot == robot
-            start = before.place if is_same_robot else np.array(client.camera.look_at)[:2]
+            start = np.array(client.camera.look_at)[:2]
+            if before is not None and before.robot == robot:
+                start = before.place
             position = np.array(client.camera.position, float)
             position[:2] += place - start
             client.camera.position = tuple(position)

@@ -156,7 +156,8 @@ class PageScenario(Scenario):
             before = replace(self, robots=None)  # which would outweigh the density
         with user_code(type(self.at(path[:-1])).__name__):
             if path[0] == "strategy" and isinstance(before.strategy, Teams):
-                _, team, field_name = path
+                team = path[1]
+                field_name = path[2]
                 strategy = replace(before.strategy.strategy_of(team), **{field_name: value})
                 return replace(before, strategy=before.strategy.with_strategy(team, strategy))
             return _with_value(before, path, value)

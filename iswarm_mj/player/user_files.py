@@ -157,8 +157,9 @@ def _with_values_of(before: Any, made_before: Any, after: Any) -> Any:
         default = getattr(made_before, f.name) if is_known else default_of(before, f.name)
         if f.name in kept_fields and not is_same(value, default):
             changed[f.name] = value
+    instance: Any = after  # after `is_dataclass` pyright takes it for a class, too
     with user_code(type(after).__name__):
-        return replace(after, **changed)
+        return replace(instance, **changed)
 
 
 def _teams_with_values_of(before: Teams, made_before: Any, after: Teams) -> Teams:

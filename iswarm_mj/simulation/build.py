@@ -137,6 +137,7 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
     """
     worlds = setup.worlds
     goal = UNREACHABLE_GOAL if setup.goal is None else setup.goal
+    failures: Any = setup.scenario.failing  # parsed when the scenario was made
     is_driven = [[box[_MASS] == 0 for box in start.boxes or ()] for start in setup.starts]
     key_data = np.asarray(jax.random.key_data(keys))[:, :2]
     return WorldParams(
@@ -149,7 +150,7 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
         arena=arenas_of_worlds(setup.config, worlds),
         is_driven=np.array(is_driven, bool),
         fails_at=failing_steps(
-            setup.scenario.failing,
+            failures,
             key_data,
             [world.n_robots for world in worlds],
             setup.capacity,
