@@ -146,7 +146,9 @@ class PageScenario(Scenario):
             return replace(self, strategy=made_of(STRATEGIES, value), strategy_name=value)
         if name == "task":
             return replace(self, task=made_of(TASKS, value), task_name=value)
-        path = (name,) if name in _WITHOUT_PART else self.path_of(self.canonical_name(name))
+        if name in _WITHOUT_PART:
+            return replace(self, **{name: value})
+        path = self.path_of(self.canonical_name(name))
         if not path:
             strategy = type(self.strategy).__name__
             task = type(self.task).__name__
@@ -156,8 +158,7 @@ class PageScenario(Scenario):
             before = replace(self, robots=None)  # which would outweigh the density
         with user_code(type(self.at(path[:-1])).__name__):
             if path[0] == "strategy" and isinstance(before.strategy, Teams):
-                team = path[1]
-                field_name = path[2]
+                _, team, field_name = path
                 strategy = replace(before.strategy.strategy_of(team), **{field_name: value})
                 return replace(before, strategy=before.strategy.with_strategy(team, strategy))
             return _with_value(before, path, value)
