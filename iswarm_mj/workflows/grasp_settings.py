@@ -216,11 +216,33 @@ class GraspSettings:
 
     @property
     def beyond_the_fit(self) -> list[str]:
-        """Settings outside of the experiments to which works, gap and spreads are fitted."""
-        texts = [
-            *_beyond("radius", self.radii, FITTED_RADII, UM, "um"),
-            *_beyond("rh", self.humidities, VALID_HUMIDITIES, _PERCENT, "%"),
-        ]
+        """Settings outside of the experiments to which works, gap and spreads are fitted.
+
+        Works of adhesion that are both set, as by a fit.toml, rest on no fit of the paper. Only the
+        law of humidity and the forces of a tip's table can then be beyond what was fitted.
+        """
+        of_humidity = _beyond("rh", self.humidities, VALID_HUMIDITIES, _PERCENT, "%")
+        if self.has_own_works:
+            of_tip = [f"tip {self.tip}"] if self.tip is not None else []
+            return [*of_humidity, *of_tip]
+        of_radius = _beyond("radius", self.radii, FITTED_RADII, UM, "um")
+        return [*of_radius, *of_humidity, *self._unlike_fitted()]
+
+    @property
+    def has_own_works(self) -> bool:
+        """True if both works of adhesion are set, so that none is that of the paper's fit."""
+        return self.work_tool_object is not None and self.work_object_substrate is not None
+
+    @property
+    def own_values(self) -> list[str]:
+        """Settings in place of the paper's, with works of one's own; the table of a tip aside."""
+        if not self.has_own_works:
+            return []
+        return [text for text in self._unlike_fitted() if not text.startswith("tip ")]
+
+    def _unlike_fitted(self) -> list[str]:
+        """Return the settings that differ from those of the paper's fit, with their values."""
+        texts = []
         for name, fitted in FITTED.items():
             value = getattr(self, name)
             if value != fitted:

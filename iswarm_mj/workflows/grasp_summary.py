@@ -141,6 +141,9 @@ def summary(settings: GraspSettings, rows: Sequence["TrialRow"]) -> list[tuple[s
         lines.append(("fell", f"{n_fallen} lifted balls before a release"))
     if settings.tip_curvature:
         lines.append(("no contact", "not computed for a rounded tip"))
+    if settings.own_values:
+        own_values = ", ".join(settings.own_values)
+        lines.append(("own values", f"in place of those fitted to the paper: {own_values}"))
     if settings.beyond_the_fit:
         beyond = ", ".join(settings.beyond_the_fit)
         text = f"beyond the fit, so that voltages are predictions: {beyond}"

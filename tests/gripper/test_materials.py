@@ -3,6 +3,7 @@
 import json
 import re
 from contextlib import redirect_stdout
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -19,6 +20,9 @@ from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.tasks.layout import balls_on_floor
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings, cases
+from iswarm_mj.workflows.grasp_summary import summary
+
+TIP = Path(__file__).parents[2] / "examples/best-tip/tip.json"
 
 SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
 """Settings of two trials."""
@@ -35,6 +39,43 @@ def test_contacts_and_surfaces_that_the_fit_did_not_have_are_named():
         "tool.roughness 2e-09",
         "plate.preload 1e-06",
     ]
+
+
+OWN_WORKS = {"work_tool_object": 1.33e-3, "work_object_substrate": 18e-3}
+"""Works as a fit.toml has them."""
+
+
+def test_works_of_ones_own_are_no_prediction_of_the_papers_fit():
+    """A tip's forces and the law of humidity still are."""
+    settings = GraspSettings(
+        **OWN_WORKS,
+        radius=("12e-6",),
+        spread_tool_object=0.1,
+        electrical_gap=0.1e-6,
+        probe_radius=20e-6,
+        contacts=Contacts(oxide=50e-9),
+    )
+    assert settings.beyond_the_fit == []
+    assert settings.own_values == [
+        "work_tool_object 0.00133",
+        "work_object_substrate 0.018",
+        "spread_tool_object 0.1",
+        "electrical_gap 1e-07",
+        "probe_radius 2e-05",
+        "contacts.oxide 5e-08",
+    ]
+    assert "beyond_the_fit" not in settings.metadata()
+    assert dict(summary(settings, []))["own values"].endswith(", ".join(settings.own_values))
+
+    elsewhere = GraspSettings(**OWN_WORKS, rh=(95.0,), tip=TIP)
+    assert elsewhere.beyond_the_fit == ["rh 95 to 95 %, not 5 to 90", f"tip {TIP}"]
+    assert len(elsewhere.own_values) == 2
+
+
+def test_one_work_of_ones_own_leaves_the_other_to_the_papers_fit():
+    settings = GraspSettings(work_tool_object=2e-3)
+    assert settings.beyond_the_fit == ["work_tool_object 0.002"]
+    assert settings.own_values == []
 
 
 def test_each_name_is_a_material():
