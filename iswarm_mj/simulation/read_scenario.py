@@ -33,7 +33,7 @@ from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.files import read_json, read_toml, restored
-from iswarm_mj.utils.user_code import user_code
+from iswarm_mj.utils.user_code import check_is_complete, user_code
 
 _OF_RUN = {
     "robots": "robots",
@@ -194,6 +194,7 @@ def _object(plugin: Any, left: dict[str, Any], keys: Mapping[str, str]) -> Any:
 
 def _made(plugin: Any, values: dict[str, Any]) -> Any:
     """Return an object of a class, or one like an object, with values that are checked."""
+    check_is_complete(_class_of(plugin))
     with user_code(_class_of(plugin).__name__):
         made_object = plugin
         if isinstance(plugin, type):

@@ -23,7 +23,7 @@ from iswarm_mj.strategy.teams import Team, Teams
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.operating_system import shell_line, split_words
-from iswarm_mj.utils.user_code import user_code
+from iswarm_mj.utils.user_code import check_is_complete, user_code
 
 if TYPE_CHECKING:
     from iswarm_mj.simulation.scenario import Scenario
@@ -315,6 +315,7 @@ def _object(plugin: Any) -> Any:
     """Return an object of a class, with the defaults of its fields; an object as it is."""
     if not isinstance(plugin, type):
         return plugin
+    check_is_complete(plugin)
     with user_code(plugin.__name__):
         return plugin()
 

@@ -25,6 +25,9 @@ _NOT_USERS = (
 
 _JAX_ERRORS = "https://docs.jax.dev/en/latest/errors.html"
 
+_AMBIGUOUS = "The truth value of an array"
+"""Beginning of the errors of NumPy and JAX on arrays in place of a flag."""
+
 _SIMILAR = 0.8
 """Similarity (difflib) from which on a name is taken for another one that is misspelt."""
 
@@ -77,6 +80,10 @@ def _explain(
     """
     raised = type(error).__name__
     first_line = str(error).strip().partition("\n")[0]
+    is_ambiguous = first_line.startswith(_AMBIGUOUS)
+    if is_ambiguous:
+        # Its advice, any() or all(), makes one decision for all robots.
+        first_line = first_line.partition(". ")[0]
     if first_line:
         raised += f": {first_line}{_meant_attribute(error)}"
 
@@ -90,6 +97,11 @@ def _explain(
         place = "its parameters or its call"
 
     sentence = f"{what} raised {raised} ({place}); correct it there"
+    if is_ambiguous or type(error).__name__ == "TracerBoolConversionError":
+        sentence += (
+            ": arrays hold a value for each robot, so write jnp.where(condition, a, b) in place of "
+            "`if`, `and` and `or`"
+        )
     if type(error).__module__ == "jax.errors":
         sentence += f", as {_JAX_ERRORS}#jax.errors.{type(error).__name__} explains"
     return sentence
@@ -126,10 +138,31 @@ def check_class(given: Any, base: type, role: str) -> None:
     public = [attribute for attribute in dir(base) if not attribute.startswith("_")]
     missing = [attribute for attribute in public if _lacks_method(cls, base, attribute)]
     if missing:
-        listed = " and no method ".join(missing)
-        remedy = _renaming(cls, missing) or f"{role} has it, see {base.__name__}"
-        raise UserError(f"{name} has no method {listed}; {remedy}")
+        raise _without_methods(cls, missing, f"{role} has it, see {base.__name__}")
     _check_spelling(cls, base, public)
+
+
+def check_is_complete(cls: type) -> None:
+    """Check that a class has all methods that its base classes ask for, before it is called.
+
+    Raises:
+        UserError: it lacks one, or has misspelt it.
+    """
+    missing = sorted(getattr(cls, "__abstractmethods__", ()))
+    if missing:
+        raise _without_methods(cls, missing, "add it")
+
+
+def _without_methods(cls: type, missing: Sequence[str], remedy: str) -> UserError:
+    """Return the error about a class that lacks methods.
+
+    Args:
+        cls: class of a user.
+        missing: names of the methods.
+        remedy: what to do unless the class has misspelt one of them.
+    """
+    listed = " and no method ".join(missing)
+    return UserError(f"{cls.__name__} has no method {listed}; {_renaming(cls, missing) or remedy}")
 
 
 def _renaming(cls: type, missing: Sequence[str]) -> str:

@@ -95,6 +95,15 @@ def test_an_error_of_the_file_is_shown_with_its_line_and_the_old_code_goes_on(se
     assert session.now.get("longest_wait") == 30.0
 
 
+def test_a_misspelt_method_is_named_with_the_one_that_is_meant(session, file):
+    methods = ["init", "act", "pick"]
+    text = "from iswarm_mj import Strategy\n\nclass Walk(Strategy):\n"
+    edit(file, text + "".join(f"    def {method}(self):\n        pass\n" for method in methods))
+    session.reset()
+    sentence = session.messages.get_nowait()
+    assert sentence.startswith("Walk has no method picks; rename pick, which it has, to picks")
+
+
 def test_a_class_that_no_longer_fits_leaves_the_old_code(session, file):
     edit(
         file,

@@ -348,6 +348,16 @@ class TestFiles:
         with pytest.raises(UserError, match=says):
             Scenario.from_toml(file)
 
+    def test_a_misspelt_method_is_named_with_the_one_that_is_meant(self, tmp_path):
+        methods = "".join(f"    def {name}(self): pass\n" for name in ("init", "act", "pick"))
+        (tmp_path / "walk.py").write_text(
+            f"from iswarm_mj import Strategy\nclass Walk(Strategy):\n{methods}"
+        )
+        file = tmp_path / "run.toml"
+        file.write_text(f'strategy = "{(tmp_path / "walk.py").as_posix()}:Walk"')
+        with pytest.raises(UserError, match="has no method picks; rename pick, which it has"):
+            Scenario.from_toml(file)
+
     def test_no_file_can_state_classes_of_a_notebook_and_worlds_that_differ(self):
         of_notebook = type("Own", (Beeclust,), {"__module__": "nowhere"})
         with pytest.raises(UserError, match="no command can name Own"):

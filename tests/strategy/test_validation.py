@@ -245,9 +245,17 @@ def test_errors_name_the_innermost_line_of_the_user():
         sentence = rf"^Mine\.act raised {raised} {place}; correct it there$"
         with pytest.raises(UserError, match=sentence), user_code("Mine.act"):
             fails(error)
+
+
+def test_arrays_as_conditions_are_errors_that_name_where():
+    cure = r"correct it there: arrays hold a value for each robot, so write jnp\.where\(.*`or`"
     refused(
-        r"correct it there, as https://docs\.jax\.dev/.*\.TracerBoolConversionError explains$",
+        cure + r", as https://docs\.jax\.dev/.*\.TracerBoolConversionError explains$",
         act=lambda self, memory, seen, key: 1 if seen.at_dust.any() else 2,
+    )
+    refused(
+        r"than one element is ambiguous \(.*\); " + cure + "$",
+        act=lambda self, memory, seen, key: 1 if seen.at_dust else 2,
     )
 
 
