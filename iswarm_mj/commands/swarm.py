@@ -80,7 +80,7 @@ class Swarm(ConfigOptions, RobotOptions):
     """Number of independent worlds, simulated together."""
     failing: Annotated[str | None, tyro.conf.arg(metavar="SHARE:STEP")] = None
     """Share of the robots that fail, and the control step at which they do, as 0.1:400; from then
-    on they only stand in the way."""
+    on they only stand in the way, and keep their balls."""
     strategy_plugin: Any = None
     """The strategy with the values of its flags: what `controller` names, or else the genome, an
     object of `Genome`."""

@@ -208,15 +208,16 @@ class Comparison:
         undecided = [measure for measure in others if measure not in decided]
         parts = []
         if decided:
-            parts.append(f"decided also: {', '.join(decided)}")
+            parts.append(f"also differ: {', '.join(decided)}")
         if undecided:
-            parts.append(f"not decided: {', '.join(undecided)}")
+            parts.append(f"undecided: {', '.join(undecided)}")
         if not others:
             parts.append("no other measure differs")
         not_compared = self._not_compared(name)
         if not_compared:
             parts.append(f"not compared: {', '.join(not_compared)}")
-        return f"{name}, each measure by itself at {100 * LEVEL.get():g} %: {'; '.join(parts)}."
+        level = f"{100 * LEVEL.get():g} %"
+        return f"{name}, measures taken one by one at {level}: {'; '.join(parts)}."
 
     def _not_compared(self, name: str) -> list[str]:
         """Return measures that some worlds know, but not two of each candidate."""
@@ -452,10 +453,16 @@ def _unfinished_sentence(outcome: Outcome) -> str:
     if not n_unfinished:
         return ""
     limit = outcome.rows[0]["max_steps"]
-    return (
+    sentence = (
         f"{n_unfinished} of {len(outcome.rows)} worlds of {outcome.name} did not finish; they "
         f"count as {limit} steps, the length of the run."
     )
+    if outcome.about.get("settings", {}).get("failing") and "delivered" in outcome.rows[0]:
+        sentence += (
+            " Robots that fail keep their balls: lower the goal by --stop-at, or compare "
+            "--measure delivered."
+        )
+    return sentence
 
 
 def _fault_sentence(outcome: Outcome) -> str:

@@ -128,6 +128,16 @@ class TestWorldsThatCountOtherwise:
         )
         assert sentence in comparison.sentences()
 
+    @pytest.mark.parametrize("failing", [None, "0.3:50"])
+    def test_robots_that_fail_with_their_balls_explain_unfinished_worlds(self, failing):
+        settings = {**ABOUT["settings"], "failing": failing}
+        failed = outcome("failed", [42, None, 63, 73, 84, None, 55, 65], {"settings": settings})
+        text = " ".join(compared(FIRST, failed).sentences())
+        assert "2 of 8 worlds of failed did not finish" in text
+        assert ("Robots that fail keep their balls: lower the goal by --stop-at" in text) == (
+            failing is not None
+        )
+
     def test_a_world_with_a_fault_and_its_pair_do_not_count(self):
         second = outcome("second", [1, 50, 60, 70, 80, 90, 50, 60])
         second.rows[0]["fault"] = "step 1: a robot left the arena"
@@ -182,7 +192,7 @@ class TestResult:
         assert sentences[0].startswith(
             "second and first have the same median finished_at, though worlds differ: 50 against 50"
         )
-        assert "not decided: picked" in sentences[1]
+        assert "measures taken one by one at 95 %: undecided: picked" in sentences[1]
         assert "picked" in "\n".join(comparison.table())
 
     def test_measures_that_differ_nowhere_are_left_out(self):
