@@ -184,10 +184,11 @@ def links(frames: Arrays, step: int) -> Float[np.ndarray, "L 2 2"]:
 
     Args:
         frames: arrays of a trajectory: link_valid and link_sender (T, N, S) for the S sides of each
-            receiver, and pose (T, N, 3).
+            receiver, is_alive (T, N), and pose (T, N, 3).
         step: control step, from 0 for the start.
     """
-    receiver, side = np.nonzero(frames["link_valid"][step])
+    is_drawn = frames["link_valid"][step] & frames["is_alive"][step][:, None]
+    receiver, side = np.nonzero(is_drawn)
     sender = frames["link_sender"][step][receiver, side]
     pairs = np.unique(np.sort(np.column_stack([receiver, sender]), axis=1), axis=0)
     return frames["pose"][step][:, :2][pairs]

@@ -409,7 +409,7 @@ def _pushed_boxes(scene: Scene, block: Block) -> Shape:
 def _links(block: Block) -> Shape:
     """Return lines from receivers to senders."""
     frames = block.frames
-    is_link = frames.link_valid
+    is_link = geometry.drawn_links(frames)
     frame, receiver, side = np.nonzero(is_link)
     values = {"receiver": receiver.astype(np.int32), "side": side.astype(np.uint8)}
     for component, shown in shown_values(LINKS, frames).items():

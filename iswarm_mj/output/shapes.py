@@ -152,10 +152,19 @@ def ball_centres(
     return balls, markers
 
 
+def drawn_links(frames: Frames) -> Bool[np.ndarray, "T N S"]:
+    """Return which links are drawn: those to living robots.
+
+    Light reaches the photodiodes of dead robots, too, but they hear nothing.
+    """
+    return frames.link_valid & frames.is_alive[..., None]
+
+
 def link_ends(frames: Frames, centre: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "L 2 3"]:
-    """Return the centres of receiver and sender of each valid link."""
-    frame, receiver, _ = np.nonzero(frames.link_valid)
-    sender = frames.link_sender[frames.link_valid]
+    """Return the centres of receiver and sender of each link that is drawn."""
+    is_drawn = drawn_links(frames)
+    frame, receiver, _ = np.nonzero(is_drawn)
+    sender = frames.link_sender[is_drawn]
     return np.stack([centre[frame, receiver], centre[frame, sender]], axis=1)
 
 

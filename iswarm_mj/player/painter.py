@@ -266,7 +266,7 @@ class Painter:
         if LINKS in self.look.draw:
             after = past[-1]
             ends = shapes.link_ends(after, now.centre[None])
-            is_heard = after.link_heard[after.link_valid]
+            is_heard = after.link_heard[shapes.drawn_links(after)]
             (_, _, damaged), (_, _, heard) = LINK_CLASSES
             self._stroke(ends[is_heard], heard, 0.08 * self._length)
             self._stroke(ends[~is_heard], damaged, 0.08 * self._length)

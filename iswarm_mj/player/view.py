@@ -276,7 +276,7 @@ class SwarmView:
         if LINKS in self.shows:
             after = past[-1]
             ends = shapes.link_ends(after, now.centre[None])
-            is_heard = after.link_heard[after.link_valid]
+            is_heard = after.link_heard[shapes.drawn_links(after)]
             lines["heard"] = ends[is_heard]
             lines["damaged"] = ends[~is_heard]
         if TRAILS in self.shows:

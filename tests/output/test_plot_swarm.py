@@ -26,11 +26,13 @@ def test_vectors_start_at_their_robots_in_their_own_frames():
 
 
 def test_each_pair_has_one_link():
-    """0 and 1 hear each other, 2 hears 1; links that are not valid do not count."""
+    """0 and 1 hear each other, 2 hears 1; links that are not valid do not count, nor do those to
+    the dead robot 3."""
     frames = {
-        "pose": np.array([[[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0]]]),
-        "link_sender": np.array([[[1, 2], [0, 2], [1, 0]]]),
-        "link_valid": np.array([[[True, False], [True, False], [True, False]]]),
+        "pose": np.array([[[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]]]),
+        "is_alive": np.array([[True, True, True, False]]),
+        "link_sender": np.array([[[1, 2], [0, 2], [1, 0], [2, 0]]]),
+        "link_valid": np.array([[[True, False], [True, False], [True, False], [True, False]]]),
     }
     assert links(frames, 0).tolist() == [[[0, 0], [1, 0]], [[1, 0], [2, 0]]]
 
@@ -46,6 +48,7 @@ FRAMES = {
     "scene_is_scout": np.array([False, False, True, True]),
     "is_loaded": np.array([[False] * 4, [False, True, False, True]]),
     "pose": np.array([NOTHING, POSES]),
+    "is_alive": np.ones((2, 4), bool),
     "link_sender": np.array([[[0]] * 4, [[2], [0], [1], [1]]]),
     "link_valid": np.array([[[True]] * 4, [[True], [False], [False], [True]]]),
     "dust_known": np.array([[False] * 4, [True] * 4]),

@@ -91,6 +91,19 @@ def test_lines_lead_to_senders_that_are_heard_or_damaged(session, server):
     np.testing.assert_allclose(node_of(server, "/swarm/damaged").points, ends[~is_heard], atol=1e-5)
 
 
+def test_no_lines_lead_to_dead_robots(session, server):
+    scene, before, after = last(session)
+    is_alive = np.ones(after.is_alive.shape, bool)
+    receiver = np.nonzero(after.link_valid)[1][0]
+    is_alive[0, receiver] = False
+    n_links_of_receiver = after.link_valid[0, receiver].sum()
+
+    view = SwarmView(server.scene, scene)
+    view.show([before, replace(after, is_alive=is_alive)], 1.0)
+    lines = [node_of(server, f"/swarm/{name}").points for name in ("heard", "damaged")]
+    assert sum(map(len, lines)) == after.link_valid.sum() - n_links_of_receiver
+
+
 def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_planned(server):
     scene = make_scene(4, 2)
     frames = make_frames(scene, 2)
