@@ -49,8 +49,9 @@ class _Group(NamedTuple):
 def draw_data(fitted: Fit, path: Path) -> None:
     """Draw the measurements over radius and over humidity with the bands of the fit.
 
-    The dark band is the 95 % interval of the median, the light one holds 95 % of the balls. Only
-    the largest group of a panel has bands.
+    The filled band is the 95 % interval of the median. Between the dashed lines are 95 % of the
+    balls if the estimates are exact, so that either may be the wider one. Only the largest group of
+    a panel has them.
 
     Args:
         fitted: the fit.
@@ -60,8 +61,9 @@ def draw_data(fitted: Fit, path: Path) -> None:
     if not kinds:
         return
     caption = (
-        "Points: measurements, with ranges and bounds as lines and arrows. Line and dark band: "
-        "median by the fitted laws and its 95 % interval.\nLight band: 95 % of single balls."
+        "Points: measurements, with ranges and bounds as lines and arrows. Line and band: median by "
+        "the fitted laws and its 95 % interval.\nDashed: 95 % of single balls if the estimates are "
+        "exact; the band is wider where the table says little of the median."
     )
     with figure(path, rows=len(kinds), columns=2, size=(4.2, 2.9), caption=caption) as axes:
         for index, kind in enumerate(kinds):
@@ -122,10 +124,16 @@ def _draw_predictions(
 
     median_low = np.array([prediction.median.low for prediction in predictions]) / unit
     median_high = np.array([prediction.median.high for prediction in predictions]) / unit
-    panel.fill_between(x, median_low, median_high, color=colour, alpha=0.25, linewidth=0)
+    band = panel.fill_between(x, median_low, median_high, color=colour, alpha=0.25, linewidth=0)
     balls_low = np.array([prediction.balls_low for prediction in predictions]) / unit
     balls_high = np.array([prediction.balls_high for prediction in predictions]) / unit
-    panel.fill_between(x, balls_low, balls_high, color=colour, alpha=0.12, linewidth=0)
+    (edge,) = panel.plot(x, balls_low, "--", color=colour, linewidth=1)
+    panel.plot(x, balls_high, "--", color=colour, linewidth=1)
+
+    # One legend a row of panels, since those over the radius have no room for it.
+    if not is_radius:
+        band.set_label("95 % interval of the median")
+        edge.set_label("95 % of balls")
 
 
 def _axis_unit(group: _Group) -> float:

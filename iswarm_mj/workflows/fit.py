@@ -15,6 +15,7 @@ from iswarm_mj.gripper.fitting.text import (
     parameter_lines,
     place_text,
     prediction_lines,
+    range_text,
     residual_lines,
     sentences,
 )
@@ -160,6 +161,7 @@ def settings_text(fitted: Fit, source: str) -> str:
     lines = [
         f"# From iswarm fit {source}.",
         "# `iswarm grasp --config` reads [grasp]; commands on swarms read [gripper]; iswarm play both.",
+        "# Values are in SI units: works in J/m^2, lengths in m, humidities in %, densities in kg/m^3.",
         "",
         "[grasp]",
         *_assignments(fitted, grasp_settings(fitted)),
@@ -172,13 +174,19 @@ def settings_text(fitted: Fit, source: str) -> str:
 
 
 def _assignments(fitted: Fit, settings: Mapping[str, Any]) -> list[str]:
-    """Return settings as lines of TOML, with a comment on those that are not determined."""
+    """Return settings as lines of TOML, with a comment on those that are not determined.
+
+    Comments grade estimates and state intervals as the printed table does.
+    """
     lines = []
     for name, value in settings.items():
         comment = ""
         if name in fitted.model.free and not fitted.estimates[name].is_determined:
-            interval = fitted.estimates[name].interval
-            comment = f"  # not determined: {interval.low:.3g} to {interval.high:.3g}"
+            estimate = fitted.estimates[name]
+            parameter = fitted.model.parameters[name]
+            grade = "determined roughly" if estimate.is_informed else "not determined"
+            interval = range_text(estimate.interval, parameter.scale, parameter.unit)
+            comment = f"  # {grade}: {interval}"
         elif name in fitted.model.parameters and name not in fitted.model.free:
             comment = "  # held"
         lines.append(f"{name} = {value:.6g}{comment}")

@@ -56,6 +56,10 @@ def test_a_table_becomes_settings_figures_and_sentences(mine, capfd):
     assert [entry["kind"] for entry in content["predictions"]] == ["grasp", "release"]
     assert len(content["residuals"]) == 5
     settings = tomllib.loads(Path("out/fit.toml").read_text())
+    text = Path("out/fit.toml").read_text()
+    assert "# Values are in SI units: works in J/m^2" in text
+    assert "  # not determined: 0.155 to 21.3 mJ/m^2\n" in text
+    assert "  # determined roughly: 14.5 to 37.7 mJ/m^2\n" in text
     value = parameters["work_tool_object"]["value"]
     assert settings["grasp"]["work_tool_object"] == pytest.approx(value, rel=1e-5)
     assert settings["gripper"]["work_tool_object"] == pytest.approx(value, rel=1e-5)

@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -26,7 +27,9 @@ from iswarm_mj.gripper.fitting.text import parameter_lines, sentences
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
+from iswarm_mj.output import plot_fit
 from iswarm_mj.output.plot_fit import draw_data, draw_profiles
+from iswarm_mj.output.plot_style import figure
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.workflows.fit import settings_text
 from iswarm_mj.workflows.grasp_settings import GraspSettings
@@ -216,6 +219,35 @@ def test_measurements_beyond_the_laws_are_neither_proposed_nor_drawn(tmp_path):
     wide = fit({**table, "probe_radius [um]": [75, 13, 13, 13], "gap [um]": [5, 5, "", ""]})
     assert not wide.has_laws("grasp", 6e-6, 5e-6)
     assert wide.proposal.prediction.radius == pytest.approx(12e-6)
+
+
+def test_figures_name_the_interval_of_the_median_and_the_band_of_balls(tmp_path, monkeypatch):
+    """Without releases the former is the wider one in a panel of releases."""
+    drawn = {}
+
+    @contextmanager
+    def keeping_axes(path, **options):
+        with figure(path, **options) as axes:
+            yield axes
+            drawn[path.name] = axes
+
+    monkeypatch.setattr(plot_fit, "figure", keeping_axes)
+    table = {
+        "kind": ["grasp", "grasp", "release"],
+        "radius [um]": [20, 20, 20],
+        "humidity [%]": [10, 40, 10],
+        "voltage [V]": ["27", "33", ">30"],
+    }
+    draw_data(fit(table), tmp_path / "data")
+
+    over_humidity = drawn["data"][3]
+    labels = over_humidity.get_legend_handles_labels()[1]
+    assert {"95 % interval of the median", "95 % of balls"} <= set(labels)
+    (band,) = over_humidity.collections[:1]
+    dashed = [line.get_ydata() for line in over_humidity.lines if line.get_linestyle() == "--"]
+    low, high = band.get_paths()[0].get_extents().intervaly
+    assert len(dashed) == 2
+    assert low < np.min(dashed) and np.max(dashed) < high
 
 
 def test_nothing_is_proposed_where_weight_alone_moves_all_balls():
