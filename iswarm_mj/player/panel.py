@@ -504,7 +504,7 @@ def describe_activity(activity: Activity | None) -> list[str]:
     seconds = time.monotonic() - activity.began
     if seconds < _SHORT_S:
         return []
-    return [f"**Preparing** {activity.text}, since {seconds:.0f} s. {activity.duration}"]
+    return [f"**Preparing** {activity.text}, {seconds:.0f} s so far. {activity.duration}"]
 
 
 def _names_of_parts(scenario: PageScenario) -> tuple[str, ...]:

@@ -46,7 +46,7 @@ LOOK_S = 0.5
 """Time between two looks at users' files [s]."""
 AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
-_COMPILATION = "Usually 10 to 30 s once, and a few seconds later on."
+_COMPILATION = "Usually 10 to 30 s once, longer on a busy machine, and a few seconds later on."
 """How long the first step of a program takes."""
 MOST_PLOTTED = 4000
 """Largest number of control steps that are plotted, the latest ones."""
@@ -402,7 +402,7 @@ class Session:
         """Return what the next step does, and its usual duration; the first one compiles."""
         if self.step:
             return "the next step", ""
-        return f"the next step: {self._program} is compiled", _COMPILATION
+        return f"the next step: compiling {self._program}", _COMPILATION
 
     @property
     def _program(self) -> str:

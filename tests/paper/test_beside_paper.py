@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.output.plot_style import LIGHT_PAGE, blank
-from iswarm_mj.paper.analysis.findings import FAILS, HOLDS, NOT_IN_PAPER, TOO_FEW, UNDECIDED
+from iswarm_mj.paper.analysis.findings import FAILS, HOLDS, NOT_IN_PAPER, UNDECIDED
 from iswarm_mj.paper.analysis.varied_values import DEFAULT
 from iswarm_mj.paper.report import beside_paper, paper_figures
 from iswarm_mj.paper.report.beside_paper import cards, tally
@@ -72,12 +72,12 @@ class TestCards:
         counted = tally(with_verdicts(topics, HOLDS, FAILS, FAILS, UNDECIDED))
         assert (
             counted
-            == "**4** statements of the paper are judged: 1 holds, 2 do not, 1 is undecided."
+            == "**1** of 4 statements of the paper hold, 2 do not; the others are undecided."
         )
 
-    def test_statements_without_a_verdict_are_not_judged(self, topics):
-        counted = tally(with_verdicts(topics, HOLDS, FAILS, "", TOO_FEW))
-        assert counted == "**2** of 4 statements of the paper are judged: 1 holds, 1 does not."
+    def test_nothing_is_undecided_where_each_statement_has_a_verdict(self, topics):
+        counted = tally(with_verdicts(topics, HOLDS, FAILS, HOLDS, HOLDS))
+        assert counted == "**3** of 4 statements of the paper hold, 1 do not."
 
 
 def test_each_of_the_papers_statements_on_swarms_is_on_a_card():

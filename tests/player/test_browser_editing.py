@@ -168,7 +168,7 @@ def test_a_compilation_is_stated_while_it_lasts(tab, played):
     wait(lambda: session.wanted.n_robots == 23)
     tab.get_by_text("Reset", exact=True).first.click()
     tab.get_by_text("Step", exact=True).click()
-    tab.get_by_text(re.compile("Preparing.* is compiled, since")).wait_for()
+    tab.get_by_text(re.compile("Preparing.* compiling .* so far")).wait_for()
     wait(lambda: session.step == 1)
     tab.get_by_text(re.compile("Preparing")).wait_for(state="detached")
 

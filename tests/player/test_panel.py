@@ -231,11 +231,9 @@ def test_the_page_says_what_is_prepared_and_since_when(still):
     page, browser = still
     session = page.session
     began = time.monotonic() - 12
-    session.activity = Activity("the next step: forager on foraging is compiled", began)
+    session.activity = Activity("the next step: compiling forager on foraging", began)
     draw(page)
-    assert (
-        "**Preparing** the next step: forager on foraging is compiled, since 12 s" in browser.text
-    )
+    assert "**Preparing** the next step: compiling forager on foraging, 12 s so far" in browser.text
 
     session.activity = None
     draw(page)
@@ -251,7 +249,7 @@ def test_a_session_states_what_it_compiles(monkeypatch):
     with pytest.raises(ZeroDivisionError):
         session.advance()
     assert stated[0].text == (
-        "the next step: type1 on cleaning for 12 robots with the engine planar is compiled"
+        "the next step: compiling type1 on cleaning for 12 robots with the engine planar"
     )
     assert session.activity is None
 

@@ -31,7 +31,6 @@ from iswarm_mj.search.rows import Rows
 
 DIRECTORY = "beside-paper"
 """Directory of the figures, below that of the results."""
-_JUDGED = (HOLDS, FAILS, UNDECIDED)
 
 
 class _Line(NamedTuple):
@@ -59,18 +58,19 @@ _LINES = _read_lines()
 
 
 def tally(topics: Sequence[Topic]) -> str:
-    """Return a sentence: how many of the paper's statements have which verdict."""
+    """Return a sentence: how many of the paper's statements hold, and how many do not."""
     verdicts = [
         finding.verdict
         for topic in topics
         for finding in topic.findings
         if finding.source != NOT_IN_PAPER
     ]
-    judged = [verdict for verdict in verdicts if verdict in _JUDGED]
-    number = f"**{len(judged)}**"
-    if len(judged) < len(verdicts):
-        number += f" of {len(verdicts)}"
-    return f"{number} statements of the paper are judged: {_counts_text(judged)}."
+    n_hold = verdicts.count(HOLDS)
+    n_fail = verdicts.count(FAILS)
+    sentence = f"**{n_hold}** of {len(verdicts)} statements of the paper hold, {n_fail} do not"
+    if n_hold + n_fail < len(verdicts):
+        sentence += "; the others are undecided"
+    return f"{sentence}."
 
 
 def cards(topics: Sequence[Topic], directory: str) -> str:
