@@ -18,14 +18,22 @@ from iswarm_mj.gripper.bench.swarm_trials import by_host
 from iswarm_mj.gripper.bench.tracing import trace_attempt
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.handling import Tried
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS
 from iswarm_mj.tasks.layout import balls_on_floor, draw_radii
+from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 
 TIP = Path(__file__).parents[2] / "examples/best-tip/tip.json"
 FLAT = GRIPPER
 WITH_TIP = replace(FLAT, tip=TIP, cut_delay=0.04e-3)
 BAND = 0.06
 """Relative distance of the voltage from the balance's threshold within which trials may differ."""
+N_REPEATS = 67
+"""Number of trials at each radius on the page about tips."""
+RUNG = 0.25
+"""Distance of the voltages that are tried, that of the bench [V]."""
+N_RUNGS = 10
+"""Number of rungs that a ball may climb."""
 
 
 def attempts_around_thresholds(count, seed):
@@ -105,6 +113,78 @@ def test_a_batch_in_mjx_decides_as_trials_in_c():
     is_clear = np.abs(attempts.voltage / threshold - 1) > 0.02
     assert is_clear.sum() > 25
     np.testing.assert_array_equal(in_mjx[is_clear], in_c[is_clear])
+
+
+@pytest.fixture(scope="module")
+def balls_of_the_page():
+    """The 201 balls of the trials in `docs/design-a-tip.md`; works at their air's humidity."""
+    settings = GraspSettings(
+        radius=("15e-6", "20e-6", "25e-6"), rh=(10.0,), repeats=N_REPEATS, tip=TIP
+    )
+    trials = [case.trial for case in cases(settings)]
+    growth = np.array([humidity_factor(trial.relative_humidity) for trial in trials])
+    tool = growth * [trial.work_tool_object for trial in trials]
+    floor = growth * [trial.work_object_substrate for trial in trials]
+    return np.array([trial.radius for trial in trials]), tool, floor
+
+
+def thresholds_of(is_lift, balls):
+    """Return the voltages (N,) at which the balance lifts or releases balls [V]."""
+    tip = tip_of(WITH_TIP)
+    voltages = [
+        tip.grasp_voltage(radius, tool, floor, gap=CONTACT_GAP)
+        if is_lift
+        else tip.release_voltage(radius, tool, gap=WITH_TIP.release_gap)
+        for radius, tool, floor in zip(*balls, strict=True)
+    ]
+    return np.array(voltages)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_lift", [True, False])
+def test_the_trials_of_the_page_have_the_voltages_of_the_balance_in_mjx(balls_of_the_page, is_lift):
+    """Nearly all balls succeed at the first rung above their thresholds.
+
+    A ball that is released may return to the tool, and then succeeds at the next rung.
+    """
+    from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+    radius, tool, floor = balls_of_the_page
+    n_balls = len(radius)
+    thresholds = thresholds_of(is_lift, balls_of_the_page)
+    in_mjx = jax.jit(partial(by_batch, replace(WITH_TIP, bench_capacity=n_balls)))
+
+    def succeed_at(rung):
+        attempts = Attempts(
+            lifts=np.full(n_balls, is_lift),
+            releases=np.full(n_balls, not is_lift),
+            voltage=np.float32(RUNG * rung),
+            radius=np.float32(radius),
+            work_tool_object=np.float32(tool),
+            work_object_substrate=np.float32(floor),
+            misalignment=np.zeros(n_balls, np.float32),
+        )
+        return succeeded(in_mjx(jax.tree.map(jnp.asarray, attempts)))
+
+    # Each ball climbs its rungs from 3 % below its threshold until it succeeds.
+    rungs = np.floor(0.97 * thresholds / RUNG)
+    is_done = succeed_at(rungs)
+    assert not is_done.any()
+    for _ in range(N_RUNGS):
+        if is_done.all():
+            break
+        rungs = np.where(is_done, rungs, rungs + 1)
+        is_done = is_done | succeed_at(rungs)
+    assert is_done.all()
+
+    voltages = RUNG * rungs
+    kind = "grasp" if is_lift else "release"
+    span = f"{voltages.min():.1f} to {voltages.max():.1f}"
+    print(f"{kind}, {n_balls} trials: {voltages.mean():.1f} ({span}) V")
+    assert (voltages > 0.99 * thresholds).all()
+    is_first = voltages < 1.01 * thresholds + RUNG
+    print(f"{is_first.sum()} of them at the first rung above the threshold")
+    assert is_first.mean() > 0.98
 
 
 def test_a_hollow_tip_takes_charged_balls_back_unless_the_voltage_is_cut_later():
