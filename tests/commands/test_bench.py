@@ -22,7 +22,11 @@ N_STEPS = 5
 
 
 @pytest.mark.parametrize(
-    "engine", [MujocoSettings(1), PlanarSettings(1, refinement=3)], ids=["mujoco", "planar"]
+    "engine",
+    [
+        pytest.param(MujocoSettings(1), marks=pytest.mark.slow, id="mujoco"),
+        pytest.param(PlanarSettings(1, refinement=3), id="planar"),
+    ],
 )
 def test_counts_and_keys(small, engine, capfd):
     scenario = Scenario(

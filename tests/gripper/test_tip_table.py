@@ -91,7 +91,13 @@ def number(model, data, field):
 
 
 @pytest.mark.parametrize(
-    ("task", "gap"), [("pick", 0.2), ("pick", 3.1), ("release", 5.0), ("release", 0.9)]
+    ("task", "gap"),
+    [
+        pytest.param("pick", 0.2, marks=pytest.mark.slow),
+        ("pick", 3.1),
+        ("release", 5.0),
+        pytest.param("release", 0.9, marks=pytest.mark.slow),
+    ],
 )
 def test_both_engines_agree_with_boundary_elements(task, gap):
     spec = bench_spec()
