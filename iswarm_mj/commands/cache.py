@@ -11,6 +11,8 @@ _MB = 1e6
 class Cache:
     """Show where compiled programs are kept and how large they are, or remove them all."""
 
+    HAS_CONFIG = False
+
     clear: bool = False
     """Remove all compiled programs; the next run compiles what it needs again."""
 

@@ -62,7 +62,8 @@ class TyroRules(ConstructorRegistry):
 
     Args:
         command_class: dataclass of its flags. Its `MAIN` lists those of short help in their order;
-            a command without it shows all of them there.
+            a command without it shows all of them there. A command whose `HAS_CONFIG` is false
+            takes no `--config`.
         plugins: classes, or objects that have the defaults, by the fields of the command that will
             hold them.
         short_help: contents of the help that is to be printed; None where all flags are shown, or
@@ -75,6 +76,7 @@ class TyroRules(ConstructorRegistry):
         super().__init__()
         self._command_class = command_class
         self._main = getattr(command_class, "MAIN", ())
+        self._has_config = getattr(command_class, "HAS_CONFIG", True)
         self._short_help = short_help if self._main else None
         self._plugins = plugins
         if short_help is not None:
@@ -109,6 +111,8 @@ class TyroRules(ConstructorRegistry):
                 flags[spec.name] = spec
 
         common_flags = {spec.name: spec for spec in _flags_of_fields(CommonFlags, None)}
+        if not self._has_config:
+            del common_flags["config"]
         if self._short_help is None:
             del common_flags["help_all"]  # it would show no more
         else:

@@ -282,7 +282,9 @@ class Panel:
         self._draws = {}
         with self._draw_folder:
             for name in names:
-                control = Control(name, "", name in self.view.shows, text=_DRAWN.get(name, _ARROWS))
+                label = name if name in _DRAWN else f"remembered {name}"
+                text = _DRAWN.get(name, _ARROWS)
+                control = Control(label, "", name in self.view.shows, text=text)
                 self._draws[name] = self._inputs.add(control, partial(self._draw, name))
 
     def _draw(self, name: str, is_drawn: bool) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.output.palette import BLUE
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.session import Session
-from iswarm_mj.player.widgets import AXIS, save
+from iswarm_mj.player.widgets import AXIS, save, show
 
 _UNITS = {"mean_speed": "m/s"}
 """Units of what each run measures; those of a task's metrics are the scene's."""
@@ -33,8 +33,11 @@ class Plots:
         self._drawn: tuple[int, int] | None = None
         self._folder = gui.add_folder("Plots over control steps")
         with self._folder:
-            inputs.add_button("Save plots as CSV", self._save_csv, icon="download")
-            inputs.add_button("Save plots as PNG", self._save_png, icon="download")
+            look = {"icon": "download", "visible": False}  # until there is a plot
+            self._buttons = (
+                inputs.add_button("Save plots as CSV", self._save_csv, **look),
+                inputs.add_button("Save plots as PNG", self._save_png, **look),
+            )
 
     def rebuild(self) -> None:
         """Remove the plots if a run begins whose task has other metrics."""
@@ -60,6 +63,8 @@ class Plots:
             elif len(steps) > 1:
                 with self._folder:
                     self._plots[name] = self._add_plot(name, data)
+        for button in self._buttons:
+            show(button, "visible", bool(self._plots))
 
     def _add_plot(self, name: str, data: tuple[np.ndarray, np.ndarray]) -> Any:
         """Add the plot of a metric, without a legend."""

@@ -37,6 +37,13 @@ def compile_and_run(tmp_path):
     return process.stdout
 
 
+def test_no_flag_takes_a_file_of_settings(capsys):
+    assert code_of("cache", "--help") == 0
+    help_text = capsys.readouterr().out
+    assert "--clear" in help_text
+    assert "--config" not in help_text
+
+
 def test_an_empty_cache(folder, capfd):
     assert code_of("cache") == 0
     assert capfd.readouterr().out == f"{folder}: 0.0 MB; at most 1000 MB are kept\n"

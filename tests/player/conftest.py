@@ -31,13 +31,20 @@ def recordings(tmp_path):
 
 
 @pytest.fixture
-def still(recordings):
-    """A page of 10 robots that have taken a step, and its browser; tests do its threads' work."""
+def new(recordings):
+    """A page of 10 robots before their first step, and its browser; tests do its threads' work."""
     scenario = replace(SCENARIO, robots=10)
     with opened(scenario, port=PORT + 20, out=recordings) as page:
         stop_threads(page)
-        page.session.advance()
         yield page, Browser(page)
+
+
+@pytest.fixture
+def still(new):
+    """A page of 10 robots that have taken a step, and its browser; tests do its threads' work."""
+    page, browser = new
+    page.session.advance()
+    return page, browser
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import csv
 from io import BytesIO, StringIO
 
 from PIL import Image
-from support.page import work
+from support.page import draw, work
 
 from iswarm_mj.player.plots import csv_of, png_of
 
@@ -19,6 +19,17 @@ def test_a_table_has_a_row_for_each_control_step(still):
     assert "mean_speed [m/s]" in rows[0]
     assert [float(row[0]) for row in rows[1:]] == lines["step"] == [0, 1, 2]
     assert [row[-1] for row in rows[1:]] == [f"{speed:.9g}" for speed in lines["mean_speed"]]
+
+
+def test_plots_can_be_saved_once_there_are_some(new):
+    page, browser = new
+    save_button = browser.handle(browser.find("Save plots as CSV"))
+    draw(page)
+    assert not save_button.visible
+
+    page.session.advance()
+    draw(page)
+    assert save_button.visible
 
 
 def test_a_picture_has_a_plot_for_each_metric(still):
