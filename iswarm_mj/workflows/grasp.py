@@ -36,6 +36,7 @@ from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, adapted, cas
 from iswarm_mj.workflows.grasp_summary import (
     effective_text,
     measures,
+    own_value_lines,
     pull_off_lines,
     pull_offs,
     summary,
@@ -421,6 +422,8 @@ def run_force_curves(
     print("\n".join(pull_off_lines(pull_offs(rows))))
     print(f"{len(curves)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     print(f"   materials  {effective_text(settings.effective)}")
+    for name, text in own_value_lines(settings):
+        print(f"  {name}  {text}")
     if settings.beyond_the_fit:
         beyond = ", ".join(settings.beyond_the_fit)
         print(f"     warning  beyond the fit, so that forces are predictions: {beyond}")

@@ -141,9 +141,7 @@ def summary(settings: GraspSettings, rows: Sequence["TrialRow"]) -> list[tuple[s
         lines.append(("fell", f"{n_fallen} lifted balls before a release"))
     if settings.tip_curvature:
         lines.append(("no contact", "not computed for a rounded tip"))
-    if settings.own_values:
-        own_values = ", ".join(settings.own_values)
-        lines.append(("own values", f"in place of those fitted to the paper: {own_values}"))
+    lines += own_value_lines(settings)
     if settings.beyond_the_fit:
         beyond = ", ".join(settings.beyond_the_fit)
         text = f"beyond the fit, so that voltages are predictions: {beyond}"
@@ -152,6 +150,14 @@ def summary(settings: GraspSettings, rows: Sequence["TrialRow"]) -> list[tuple[s
     if n_faulty:
         lines.append(("faulty", f"{n_faulty} rows, whose state was not finite"))
     return lines
+
+
+def own_value_lines(settings: GraspSettings) -> list[tuple[str, str]]:
+    """Return a line on the values that replace those of the paper's fit, if there are any."""
+    if not settings.own_values:
+        return []
+    own_values = ", ".join(settings.own_values)
+    return [("own values", f"in place of those fitted to the paper: {own_values}")]
 
 
 def no_contact_lines(rows: Sequence["TrialRow"]) -> list[tuple[str, str]]:

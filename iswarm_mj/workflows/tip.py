@@ -30,6 +30,7 @@ from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.extras import require
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.progress import Progress
+from iswarm_mj.workflows.grasp_summary import own_value_lines
 from iswarm_mj.workflows.tip_settings import TipSettings
 
 FIGURE = "tip"
@@ -331,6 +332,7 @@ def summary(settings: TipSettings, design: Design) -> list[tuple[str, str]]:
     lines.append(("highest", f"{highest:.1f} V; flat tip {flat_highest:.1f} V"))
     lines.append(("field", _field_text(settings, design.rows)))
     lines += _tolerance_lines(settings, design)
+    lines += own_value_lines(settings.grasp)
     warnings = _warnings(settings, design)
     lines += [("warning", text) for text in warnings]
     return lines

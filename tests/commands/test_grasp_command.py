@@ -277,3 +277,11 @@ def test_trials_and_curves_have_directories_of_their_own_by_default(here):
     assert code_of("grasp", *trials) == 0
     assert code_of("grasp", "--force-curve", "--radius=20e-6", "--voltages=0") == 0
     assert names_in(here / "runs") == {"grasp", "force-curve"}
+
+
+def test_curves_state_works_of_ones_own_without_a_warning(here, capfd):
+    works = ["--work-tool-object=1.3e-3", "--work-object-substrate=18e-3"]
+    assert code_of("grasp", "--force-curve", "--radius=20e-6", "--voltages=0", *works) == 0
+    printed = capfd.readouterr().out
+    assert "  own values  in place of those fitted to the paper: work_tool_object 0.0013" in printed
+    assert "warning" not in printed

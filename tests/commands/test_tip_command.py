@@ -90,6 +90,13 @@ def test_it_takes_the_table_of_the_bench_in_fit_toml(here):
 
 
 @pytest.mark.slow
+def test_it_warns_of_one_work_beyond_the_fit(here, capfd):
+    assert code_of("tip", "--work-tool-object=2e-3", *ONE_BALL) == 0
+    printed = capfd.readouterr().out
+    assert "beyond the fit, so that voltages are predictions: work_tool_object 0.002" in printed
+
+
+@pytest.mark.slow
 def test_it_takes_a_file_for_the_bench_and_results_of_its_own(here, capfd):
     (here / "fit.toml").write_text(
         "work_tool_object = 2e-3\nwork_object_substrate = 12e-3\nrepeats = 3\n[protocol]\npress = 2e-8\n"
@@ -97,7 +104,9 @@ def test_it_takes_a_file_for_the_bench_and_results_of_its_own(here, capfd):
     assert code_of("tip", "--config=fit.toml", "--tip-curvature=40e-6", *ONE_BALL) == 0
     first = result("out")
     assert first["tip"]["work_tool_object"] == 2e-3
-    assert "beyond the fit" in capfd.readouterr().out
+    printed = capfd.readouterr().out
+    assert "own values  in place of those fitted to the paper: work_tool_object 0.002" in printed
+    assert "beyond the fit" not in printed
     assert code_of("tip", "--config=out/result.json", "--out=again") == 0
     assert result("again")["rows"] == first["rows"]
 
