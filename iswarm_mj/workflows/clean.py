@@ -12,6 +12,7 @@ from typing import Any
 
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
+from iswarm_mj.simulation.failures import Failures
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import Cleaning
@@ -145,6 +146,7 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
         ("strategy", strategy_of(content)),
         ("task", content["task"].get("class", "Cleaning")),
     ]
+    lines += _effective_flags(content)
     if is_cleaning:
         delivered = f"{_numbers_text(content['delivered'])} of {content['n_dust']} balls"
         lines.append(("delivered", f"{delivered}; picked up {_numbers_text(content['picked'])}"))
@@ -163,6 +165,21 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
     lines.append(("time", f"{content['wall_s']:.1f} s, {_speed_text(content)}"))
     lines.append(("results", str(out)))
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)
+
+
+def _effective_flags(content: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return lines on robots that fail and on the tip, for runs that have them."""
+    lines = []
+    failing = content["settings"].get("failing")
+    if failing is not None:
+        failures = Failures.parse(failing)
+        n_failing = round(failures.share * content["n_robots"])
+        robots = f"{n_failing} of {content['n_robots']} robots"
+        lines.append(("failing", f"{robots} after step {failures.step}"))
+    tip = content["config"]["gripper"].get("tip")
+    if tip:
+        lines.append(("tip", str(tip)))
+    return lines
 
 
 def _numbers_text(values: Any, form: str = "z.1f", unit: str = "") -> str:

@@ -182,6 +182,17 @@ class TestSummary:
             assert line in shown
         assert not any("delivered" in line for line in shown)
 
+    def test_it_names_failures_and_the_tip_of_runs_that_have_them(self, lines, content):
+        shown = lines()
+        assert not any(line.startswith(("failing", "tip")) for line in shown)
+
+        settings = content["settings"] | {"failing": "0.25:100"}
+        gripper = content["config"]["gripper"] | {"tip": "ring.json"}
+        config = content["config"] | {"gripper": gripper}
+        shown = lines(n_robots=60, settings=settings, config=config)
+        assert "failing  15 of 60 robots after step 100" in shown
+        assert "tip  ring.json" in shown
+
     def test_ten_worlds_are_listed_one_by_one(self, lines):
         shown = lines(n_worlds=10, collisions=[*range(10)])
         assert "collisions  0, 1, 2, 3, 4, 5, 6, 7, 8, 9" in shown
