@@ -52,7 +52,7 @@ BALL_CLASSES = (
 )
 LINK_CLASS_OFFSET = 20
 """Class of a link with a damaged message; that of a link that was heard follows."""
-LINK_CLASSES = ((20, "damaged message", rgb(PINK)), (21, "heard", (95, 95, 105)))
+LINK_CLASSES = ((20, "damaged message", rgb(PINK)), (21, "heard", (135, 135, 145)))
 TEAM_CLASS_OFFSET = 30
 """Class of the first team's robots; that of its loaded robots follows, then the other teams'."""
 TEAM_COLOURS = tuple(map(rgb, (EMPTY, LOADED, SCOUT, PINK, YELLOW, SKY)))

@@ -11,15 +11,15 @@ from iswarm_mj.geometry.obstacles import Obstacle
 from iswarm_mj.output import shapes
 from iswarm_mj.output.legend import ARROW_COLOURS, LINKS, TRAILS
 from iswarm_mj.output.memory_vectors import recorded_vectors
-from iswarm_mj.output.palette import BOX, FLOOR, PINK, SKY, WALL, rgb
+from iswarm_mj.output.palette import BOX, FLOOR, SKY, WALL, rgb
 from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.swarm_classes import LINK_CLASSES
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.widgets import show
 from iswarm_mj.utils.units import RD
 
 _ROOT = "/swarm"
-_GREY = (95, 95, 105)
 _RING_COLOUR = (20, 20, 20)
 _NO_LINE = np.zeros((1, 2, 3), np.float32)
 """A line of no length, which hides a node, since a node cannot have no lines."""
@@ -124,7 +124,8 @@ class SwarmView:
 
     def _add_lines(self) -> dict[str, Any]:
         """Add nodes for links and trails, whose lines are as thick at any distance."""
-        colours = {"heard": _GREY, "damaged": rgb(PINK), "trails": rgb(SKY)}
+        (_, _, damaged), (_, _, heard) = LINK_CLASSES
+        colours = {"heard": heard, "damaged": damaged, "trails": rgb(SKY)}
         return {
             name: self._drawn.add_line_segments(
                 f"{_ROOT}/{name}", _NO_LINE, colour, thickness=1.5, thickness_units="screen"
