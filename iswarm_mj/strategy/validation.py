@@ -215,8 +215,9 @@ def _naming_what_is_sensed(method: str, observation: Observation) -> Iterator[No
         yield
     except UserError as error:
         cause = error.__cause__
-        is_missing_key = isinstance(cause, KeyError) and cause.args  # none in `raise KeyError()`
-        if not is_missing_key or cause.args[0] in observation.sensed:
+        if not isinstance(cause, KeyError) or not cause.args:  # none in `raise KeyError()`
+            raise
+        if cause.args[0] in observation.sensed:
             raise
         innermost = traceback.extract_tb(cause.__traceback__)[-1]
         if "sensed" not in (innermost.line or ""):  # of another dictionary

@@ -177,6 +177,7 @@ def test_a_drive_pushes_boxes_up_to_its_force(degrees, share_of_limit, moves):
             assert abs(robot_poses[-1, 0, 0] - robot_x) < 1.0
 
 
+@pytest.mark.slow
 def test_a_led_in_the_box_of_its_own_world_sees_it():
     """The range does not matter; in the first of two worlds the box is elsewhere."""
     boxes = (box(friction=0.1),)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from support.rrd import read
 from support.small import SMALL
 
@@ -31,6 +32,7 @@ CONFIG = SwarmConfig(
 )
 
 
+@pytest.mark.slow
 def test_recordings_show_walls_and_obstacles(tmp_path):
     scenario = Scenario(CONFIG, robots=12, engine=PlanarSettings(1), steps=2)
     run_swarm(Run(scenario), tmp_path)

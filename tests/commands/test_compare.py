@@ -55,6 +55,7 @@ def content(path="runs/compare"):
     return json.loads((Path(path) / "compare.json").read_text())
 
 
+@pytest.mark.slow
 def test_strategies_a_finished_run_and_a_file_in_the_same_worlds(here, capfd):
     """A strategy of the user's, with the settings of a run that it is compared with."""
     (here / "walk.py").write_text(WALK)

@@ -110,13 +110,8 @@ class TestProcess:
         names = {path.name for path in (here / "out").iterdir()}
         assert names == {"clean.rrd", "result.json", "trajectory.npz"}
 
-    @pytest.mark.parametrize(
-        "closed",
-        [
-            *(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")),
-            "<&- >&- 2>&-",
-        ],
-    )
+    @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+    @pytest.mark.slow
     def test_closed_streams_are_no_fault(self, here, closed):
         """A file that is opened must not get the number of such a stream, into which libraries
         print."""

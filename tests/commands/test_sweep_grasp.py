@@ -21,6 +21,7 @@ def read_rows():
     return pyarrow.csv.read_csv("runs/sweep/sweep.csv").to_pylist()
 
 
+@pytest.mark.slow
 def test_each_row_is_a_radius_and_humidity_of_a_single_run(here, capfd):
     over = ["--over", "probe-radius=8e-6:20e-6:2", "ball-material=gold"]
     places = ["--radius", "15e-6", "20e-6", "--rh", "10", "50", "--gap", "3e-6"]

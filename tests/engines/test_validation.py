@@ -146,6 +146,7 @@ def run(config, engine):
 
 
 @pytest.mark.parametrize("name", [HOST, COMPILED])
+@pytest.mark.slow
 def test_right_ones_run(small, engine, name):
     assert not run(small, engine(name)).faults
 

@@ -79,6 +79,7 @@ class TestPictures:
         pictures.close()
 
     @needs_opengl
+    @pytest.mark.slow
     def test_of_robots_as_agents(self):
         env = parallel_env(render_mode="rgb_array", **SETTINGS)
         env.reset(seed=1)

@@ -94,7 +94,7 @@ def number(model, data, field):
     ("task", "gap"),
     [
         pytest.param("pick", 0.2, marks=pytest.mark.slow),
-        ("pick", 3.1),
+        pytest.param("pick", 3.1, marks=pytest.mark.slow),
         ("release", 5.0),
         pytest.param("release", 0.9, marks=pytest.mark.slow),
     ],

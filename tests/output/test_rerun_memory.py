@@ -69,6 +69,7 @@ def texts(path, entity):
     return documents
 
 
+@pytest.mark.slow
 def test_threads_and_memory_stay_over_many_recordings(tmp_path):
     script = """
 for number in range(3):

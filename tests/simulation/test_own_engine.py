@@ -55,6 +55,7 @@ class TestRuns:
         np.testing.assert_array_equal(poses, [start.poses for start in run.starts])
 
 
+@pytest.mark.slow
 def test_an_environment_takes_it(small):
     env = make_env(config=small, robots=N_ROBOTS, engine=TeleportSettings(), worlds=2, n_starts=3)
     state = env.reset(jax.random.split(jax.random.key(0), 2))

@@ -141,6 +141,7 @@ def test_a_full_pipe_cannot_be_written():
 
 
 @needs_names_of_posix
+@pytest.mark.slow
 def test_commands_run_without_names_of_posix(tmp_path):
     """All but workers: how Windows hands pipes to processes cannot be shown elsewhere."""
     commands = (

@@ -125,6 +125,7 @@ class TestStraightOn:
         assert not straight_on.is_finished.any()
         assert np.isnan(straight_on.finished_at).all()
 
+    @pytest.mark.slow
     def test_mujoco_in_c_has_the_same_results(self, straight_on):
         on_cpu = walk(straight(), MujocoSettings(threads=1))
         assert isinstance(on_cpu, Rollout)
