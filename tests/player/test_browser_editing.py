@@ -191,7 +191,7 @@ def test_each_team_has_its_rules(own_tab, own):
     session = own.session
     own_tab.get_by_text("aggregation, Walk 50 % and Turn 50 %").wait_for()
     own_tab.get_by_role("tab", name="Rules").click()
-    own_tab.get_by_text("Rules of team Turn").wait_for()
+    own_tab.get_by_text("Rules of team Turn", exact=True).wait_for()
     box = own_tab.locator(
         "xpath=//*[text()='Rules of team Turn']/following::*[text()='longest wait']"
         "/following::input[@inputmode][1]"
