@@ -37,6 +37,14 @@ _FRONT = (0.26, 0.46, 0.25)
 """Mark at a robot's front: from and to ahead, and half its width, in lengths and widths."""
 _BALL_SECTIONS = 12
 """Corners of balls."""
+_LINK_WIDTH = 0.08
+"""Width of links and arrows, in lengths of a robot."""
+_TRAIL_WIDTH = 0.1
+"""Width of trails, in lengths of a robot."""
+_HEAD_LENGTH = 0.25
+"""Length of the heads of arrows, in lengths of a robot."""
+_HEAD_HALF_WIDTH = 0.45
+"""Half the width of an arrow's head, in its lengths."""
 _BALL_RADIUS = 0.25
 """Mean radius of the balls as they are drawn, in lengths of a robot."""
 _SQUARE = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
@@ -207,7 +215,8 @@ class Painter:
         painted = [(corners, FLOOR)]
         for boxes in shapes.arena_boxes(self.scene):
             if boxes.name in FIXED_AREAS:
-                painted += [(_square(place), boxes.colour) for place in boxes.places]
+                squares = _on_floor(_SQUARE, boxes.places)
+                painted += [(square, boxes.colour) for square in squares]
         for points, colour in painted:
             polygon = PolyCollection([self._camera.project(points)], facecolors=colour)
             self._axes.add_collection(polygon, autolim=False)
@@ -254,12 +263,11 @@ class Painter:
         for name, shape, colour in zip(
             scene.area_names, scene.area_shapes, scene.area_colours, strict=True
         ):
+            x, y, half = now.areas[name].T
+            places = np.column_stack([x, y, half, half, np.zeros(len(x))])
             outline = _CIRCLE if shape == "disc" else _SQUARE
-            x, y, half = now.areas[name].T[..., None, None]
-            points = np.zeros((len(x), len(outline), 3))
-            points[..., 0] = x[..., 0] + half[..., 0] * outline[:, 0]
-            points[..., 1] = y[..., 0] + half[..., 0] * outline[:, 1]
-            self._fill(self._camera.project(points), np.tile(colour, (len(points), 1)))
+            areas = self._camera.project(_on_floor(outline, places))
+            self._fill(areas, np.tile(colour, (len(areas), 1)))
 
     def _paint_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
         """Draw links and trails."""
@@ -267,31 +275,38 @@ class Painter:
             after = past[-1]
             ends = shapes.link_ends(after, now.centre[None])
             is_heard = after.link_heard[shapes.drawn_links(after)]
-            (_, _, damaged), (_, _, heard) = LINK_CLASSES
-            self._stroke(ends[is_heard], heard, 0.08 * self._length)
-            self._stroke(ends[~is_heard], damaged, 0.08 * self._length)
+            (_, _, damaged_colour), (_, _, heard_colour) = LINK_CLASSES
+            width = _LINK_WIDTH * self._length
+            self._stroke(ends[is_heard], heard_colour, width)
+            self._stroke(ends[~is_heard], damaged_colour, width)
         if TRAILS in self.look.draw:
-            self._stroke(arrays.trails(self.scene, past), rgb(SKY), 0.1 * self._length)
+            trails = arrays.trails(self.scene, past)
+            self._stroke(trails, rgb(SKY), _TRAIL_WIDTH * self._length)
 
     def _paint_arrows(self, after: Frames, now: arrays.Moment) -> None:
         """Draw the vectors that robots remember, as lines with heads."""
-        for number, (name, ends) in enumerate(arrays.arrows(self.scene, after, now.centre).items()):
+        ends_by_name = arrays.arrows(self.scene, after, now.centre)
+        for number, (name, ends) in enumerate(ends_by_name.items()):
             if name in self.look.draw and len(ends):
                 colour = ARROW_COLOURS[number % len(ARROW_COLOURS)]
-                self._stroke(ends, colour, 0.08 * self._length)
-                heads = self._camera.project(_heads(ends, 0.25 * self._length))
-                self._fill(heads, np.tile(colour, (len(heads), 1)))
+                self._stroke(ends, colour, _LINK_WIDTH * self._length)
+                heads = _arrow_heads(ends, _HEAD_LENGTH * self._length)
+                self._fill(self._camera.project(heads), np.tile(colour, (len(heads), 1)))
 
     def _paint_balls(self, now: arrays.Moment, is_shown: Bool[np.ndarray, "K"]) -> None:
         """Draw some of the balls, enlarged, as discs that face the camera."""
         if not is_shown.any():
             return
-        radii = np.asarray(self.scene.ball_radius, float)
-        radii = _BALL_RADIUS * self._length * radii / radii.mean()
-        angles = np.linspace(0, 2 * np.pi, _BALL_SECTIONS, endpoint=False)
+        true_radius = np.asarray(self.scene.ball_radius, float)
+        radius = _BALL_RADIUS * self._length * true_radius / true_radius.mean()
+
+        # The outline of a ball of radius 1 around the origin, as the camera sees it.
+        angle = np.linspace(0, 2 * np.pi, _BALL_SECTIONS, endpoint=False)[:, None]
         right, up, _ = self._camera.axes
-        around = np.cos(angles)[:, None] * right + np.sin(angles)[:, None] * up
-        points = now.ball[is_shown, None] + radii[is_shown, None, None] * around
+        outline = np.cos(angle) * right + np.sin(angle) * up
+
+        centres = now.ball[is_shown, None]
+        points = centres + radius[is_shown, None, None] * outline
         self._fill(self._camera.project(points), now.ball_colour[is_shown])
 
     def _paint_bodies(self, after: Frames, now: arrays.Moment) -> None:
@@ -309,7 +324,7 @@ class Painter:
         face_colours = shades[..., None] * bodies.colours[:, None]
 
         # The mark at a robot's front is one more face, the last one, that looks up.
-        marks, is_robot = _front_marks(self.scene, robots, n_bodies=len(bodies.places))
+        marks, is_robot = _front_marks(robots, n_bodies=len(bodies.places))
         corners = np.concatenate([corners, marks[:, None]], axis=1)
         white = np.full((len(corners), 1, 3), 255.0)
         face_colours = np.concatenate([face_colours, white], axis=1)
@@ -362,10 +377,7 @@ def _faces(
     bodies: _Bodies,
 ) -> tuple[Float[np.ndarray, "B 5 4 3"], Float[np.ndarray, "B 5 3"]]:
     """Return the corners of the faces of bodies, the top last, and their normals."""
-    x, y, half_x, half_y, yaw = bodies.places.T
-    corners = np.array([half_x, half_y]).T[:, None] * _SQUARE
-    axes = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    outline = np.einsum("ijb,bcj->bci", axes, corners) + np.array([x, y]).T[:, None]
+    outline = _on_floor(_SQUARE, bodies.places)[..., :2]
 
     # Each side lies between a corner and the next one, below and above.
     n_bodies = len(outline)
@@ -386,44 +398,51 @@ def _faces(
 
 
 def _front_marks(
-    scene: Scene, robots: _Bodies, n_bodies: int
+    robots: _Bodies, n_bodies: int
 ) -> tuple[Float[np.ndarray, "B 4 3"], Bool[np.ndarray, "B"]]:
     """Return the marks at the fronts of the robots, the first bodies, and which bodies have one."""
     n_robots = len(robots.places)
     near, far, half_width = _FRONT
-    outline = np.array(
-        [(near, -half_width), (far, -half_width), (far, half_width), (near, half_width)]
-    )
-    x, y, half_x, half_y, yaw = robots.places.T[..., None]
-    ahead = 2 * half_x * outline[:, 0]
-    left = 2 * half_y * outline[:, 1]
+    rectangle = [(near, -half_width), (far, -half_width), (far, half_width), (near, half_width)]
     marks = np.zeros((n_bodies, 4, 3))
-    marks[:n_robots, :, 0] = x + np.cos(yaw) * ahead - np.sin(yaw) * left
-    marks[:n_robots, :, 1] = y + np.sin(yaw) * ahead + np.cos(yaw) * left
+    marks[:n_robots] = _on_floor(2 * np.array(rectangle), robots.places)
     marks[:n_robots, :, 2] = robots.heights[:, None]
     return marks, np.arange(n_bodies) < n_robots
 
 
-def _heads(ends: Float[np.ndarray, "M 2 3"], length: float) -> Float[np.ndarray, "M 3 3"]:
-    """Return the heads of arrows as triangles that lie flat [mm]."""
-    start, tip = ends[:, 0], ends[:, 1]
-    along = tip - start
-    distance = np.linalg.norm(along, axis=-1, keepdims=True)
-    ahead = along / np.where(distance == 0, 1, distance)
-    aside = np.stack([-ahead[:, 1], ahead[:, 0], np.zeros(len(ahead))], axis=-1)
-    base = tip - length * ahead
-    return np.stack([tip, base + 0.45 * length * aside, base - 0.45 * length * aside], axis=1)
-
-
-def _square(place: Float[np.ndarray, "5"]) -> Float[np.ndarray, "4 3"]:
-    """Return the corners of an area of the floor.
+def _arrow_heads(ends: Float[np.ndarray, "M 2 3"], length: float) -> Float[np.ndarray, "M 3 3"]:
+    """Return the heads of arrows as triangles that lie flat [mm].
 
     Args:
-        place: x, y, half edges [mm] and yaw [rad] of the area, which is 0.
+        ends: where the arrows begin and end [mm].
+        length: length of the heads [mm].
     """
-    x, y, half_x, half_y, _ = place
-    corners = [x, y] + [half_x, half_y] * _SQUARE
-    return np.column_stack([corners, np.zeros(4)])
+    tip = ends[:, 1]
+    along = tip - ends[:, 0]
+    distance = np.linalg.norm(along, axis=-1, keepdims=True)
+    forwards = along / np.where(distance == 0, 1, distance)
+    leftwards = np.cross([0.0, 0.0, 1.0], forwards)
+
+    base = tip - length * forwards
+    aside = _HEAD_HALF_WIDTH * length * leftwards
+    return np.stack([tip, base + aside, base - aside], axis=1)
+
+
+def _on_floor(
+    outline: Float[np.ndarray, "K 2"], places: Float[np.ndarray, "B 5"]
+) -> Float[np.ndarray, "B K 3"]:
+    """Return an outline at places on the floor [mm].
+
+    Args:
+        outline: points ahead and to the left, in half edges.
+        places: x, y, half edges [mm] and yaw [rad].
+    """
+    x, y, half_x, half_y, yaw = places.T[..., None]
+    ahead = half_x * outline[:, 0]
+    left = half_y * outline[:, 1]
+    points_x = x + np.cos(yaw) * ahead - np.sin(yaw) * left
+    points_y = y + np.sin(yaw) * ahead + np.cos(yaw) * left
+    return np.stack([points_x, points_y, np.zeros_like(points_x)], axis=-1)
 
 
 def _text_height(look: Look) -> int:

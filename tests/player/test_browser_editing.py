@@ -55,10 +55,7 @@ def played():
 @pytest.fixture(scope="module")
 def tab(browser, played):
     """A tab that shows this page, after its first control step."""
-    tab = open_tab(browser, played.url)
-    tab.get_by_text("Step", exact=True).click()
-    wait(lambda: played.session.step == 1)
-    return tab
+    return tab_after_a_step(browser, played)
 
 
 @pytest.fixture(scope="module")
@@ -90,9 +87,14 @@ def own(file):
 @pytest.fixture(scope="module")
 def own_tab(browser, own):
     """A tab that shows the page of teams, after its first control step."""
-    tab = open_tab(browser, own.url)
+    return tab_after_a_step(browser, own)
+
+
+def tab_after_a_step(browser, page):
+    """Return a tab that shows a page, after its first control step."""
+    tab = open_tab(browser, page.url)
     tab.get_by_text("Step", exact=True).click()
-    wait(lambda: own.session.step == 1)
+    wait(lambda: page.session.step == 1)
     return tab
 
 

@@ -251,10 +251,12 @@ def _largest_gap(model: mujoco.MjModel, geoms: np.ndarray) -> float:
     height.
     """
     sphere_radius = model.geom_rbound[geoms]
-    half_diagonal = np.hypot(*model.geom_size[geoms, :2].T)
+    half_x, half_y, _ = model.geom_size[geoms].T
+    reach = np.hypot(half_x, half_y) + model.geom_margin[geoms]
     height = model.geom_pos[geoms, 2] + model.body_pos[model.geom_bodyid[geoms], 2]
-    margin = model.geom_margin[geoms]
-    horizontal = half_diagonal[:, None] + half_diagonal + margin[:, None] + margin
-    vertical = height[:, None] - height
-    distance = np.hypot(horizontal, vertical)
-    return float((distance - sphere_radius[:, None] - sphere_radius).max())
+
+    # Of each geom with each.
+    horizontal = np.add.outer(reach, reach)
+    vertical = np.subtract.outer(height, height)
+    gap = np.hypot(horizontal, vertical) - np.add.outer(sphere_radius, sphere_radius)
+    return float(gap.max())

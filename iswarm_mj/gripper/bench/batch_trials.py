@@ -339,11 +339,15 @@ def _control(
     """
     where = bench.where
     time = slot.time + (k + 1) * TIMESTEP
-    height, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
-    tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
-    ramp_voltage = _script.ramp_voltage(bench.protocol, ramp, slot.progress.freed, time)
-    voltage = jnp.where(attempt.releases, ramp_voltage, attempt.voltage * share)
-    ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
+
+    gap_of_lift, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
+    voltage_of_lift = attempt.voltage * share
+    voltage_of_release = _script.ramp_voltage(bench.protocol, ramp, slot.progress.freed, time)
+
+    # The tip's height above the plate, with the ball between them.
+    height = jnp.where(attempt.releases, gap, gap_of_lift) + 2 * attempt.radius
+    voltage = jnp.where(attempt.releases, voltage_of_release, voltage_of_lift)
+    ctrl = slot.data.ctrl.at[where.tip].set(height / UM - where.tip_height)
     return ctrl.at[where.voltage].set(voltage)
 
 
