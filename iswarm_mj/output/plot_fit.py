@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -19,6 +20,8 @@ _N_PLACES = 7
 """Number of places along a band."""
 _N_PROFILE = 21
 """Number of values along a profile."""
+_FARTHEST_END = 4.0
+"""Largest distance of an interval's end from the estimate up to which a profile follows it."""
 _LARGEST_RISE = 10.0
 """Largest rise of twice the logarithm of the likelihood that is drawn."""
 _MOST_POINTS = 2000
@@ -202,18 +205,28 @@ def draw_profiles(fitted: Fit, path: Path) -> None:
             panel.set_visible(False)
 
 
+def _places_of_profile(fitted: Fit, name: str) -> Float[np.ndarray, "K"]:
+    """Return places of a parameter, evenly spaced beyond both ends of its interval.
+
+    An end that was not found, or is far away, counts as `_FARTHEST_END`.
+    """
+    parameter = fitted.model.parameters[name]
+    interval = fitted.estimates[name].interval
+    middle = fitted.maximum.places[fitted.model.free.index(name)]
+    low, high = (parameter.place_of(max(end, 1e-30)) for end in (interval.low, interval.high))
+
+    below = -_FARTHEST_END if np.isnan(low) else max(low - middle, -_FARTHEST_END)
+    above = _FARTHEST_END if np.isnan(high) else min(high - middle, _FARTHEST_END)
+    return np.linspace(middle + 1.4 * below, middle + 1.4 * above, _N_PROFILE)
+
+
 def _draw_profile(panel: Axes, fitted: Fit, name: str) -> None:
     """Draw the profile of one parameter, with its interval and prior."""
     maximum = fitted.maximum
     parameter = fitted.model.parameters[name]
     interval = fitted.estimates[name].interval
 
-    # As far as 1.4 times the interval's ends, where they were found and not far away.
-    middle = maximum.places[fitted.model.free.index(name)]
-    ends = [parameter.place_of(max(end, 1e-30)) for end in (interval.low, interval.high)]
-    reach = 1.4 * np.clip([ends[0] - middle, ends[1] - middle], -4, 4)
-    reach = np.where(np.isnan(reach), [-1.4 * 4, 1.4 * 4], reach)
-    places = np.linspace(middle + reach[0], middle + reach[1], _N_PROFILE)
+    places = _places_of_profile(fitted, name)
     values = np.array([parameter.value_at(place) for place in places]) / parameter.scale
 
     prior = places**2 - min(places**2)
